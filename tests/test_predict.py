@@ -288,6 +288,45 @@ def test_a_slider_with_mass_is_predicted_with_its_mass() -> None:
     assert all(abs(shift.in_sigma) < 3 for shift in found.shifts if shift.name != "f0")
 
 
+def wandering(law: str, velocities: tuple[float, ...], f0: float, seed: int):
+    """A record that SciPy solves, with white noise and noise of 1 s (AR(1)), 2e-4 each."""
+    motion = reference.Motion((0.0, 12.0, 18.0), velocities)
+    t, rng = np.arange(0, 50, 0.1), np.random.default_rng(seed)
+    exact = reference.solve(
+        reference.Law(law, f0, 0.008, (0.012,), (12e-6,)), motion, 3000.0, t, rtol=1e-9
+    )
+    slow, keep = np.zeros(len(t)), np.exp(-0.1)
+    slow[0] = rng.standard_normal()
+    for k in range(1, len(t)):
+        slow[k] = keep * slow[k - 1] + np.sqrt(1 - keep**2) * rng.standard_normal()
+    friction = exact.f + 2e-4 * (slow + rng.standard_normal(len(t)))
+    record = from_arrays(t, friction, load_point_displacement=exact.x_m)
+    return record, VelocitySteps(np.asarray(motion.starts), np.asarray(velocities))
+
+
+FAST, SLOW = (2e-6, 20e-6, 2e-6), (3e-6, 30e-6, 3e-6)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_correlated_noise_is_no_missing_effect(seed: int) -> None:
+    record, steps = wandering("ageing", FAST, 0.6, seed)
+    fit = jaxfric.fit(record, stiffness=3000.0, law="ageing", steps=steps)
+    other, steps = wandering("ageing", SLOW, 0.63, seed + 10)
+    found = jaxfric.predict(fit, other, steps=steps)
+    assert found.verdict == "noise" and found.sentence.startswith("Yes")
+    assert found.sigma == pytest.approx(2e-4 * np.sqrt(2), rel=0.3)
+    assert found.notes[-1].code == "noise_of_the_record"
+
+
+@pytest.mark.parametrize(("law", "wrong"), [("ageing", "slip"), ("slip", "ageing")])
+def test_another_law_is_a_missing_effect_under_correlated_noise(law: str, wrong: str) -> None:
+    record, steps = wandering(law, FAST, 0.6, 4)
+    fit = jaxfric.fit(record, stiffness=3000.0, law=wrong, steps=steps)
+    other, steps = wandering(law, SLOW, 0.63, 14)
+    found = jaxfric.predict(fit, other, steps=steps)
+    assert found.verdict == "model" and found.refit_rms > 2 * found.largest * found.sigma
+
+
 # ---- what is refused -------------------------------------------------------------------------
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from jaxfric.prediction import axis, slider
 from jaxfric.prediction.model import SavedModel
+from jaxfric.prediction.noise import noise_of_record
 from jaxfric.prediction.result import Comparison, Prediction, Shift
 from jaxfric.records import VelocitySteps
 from jaxfric.records.record import Provenance
@@ -40,6 +41,30 @@ def prediction(rms, refit, sigma, *shifts):
 )
 def test_the_verdict_of_a_prediction(rms, refit, sigma, verdict):
     assert prediction(rms, refit, sigma).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("rms", "refit", "chance", "verdict", "words"),
+    [
+        (1.3, 1.15, 0.0009, "parameters", "its parameters"),
+        (1.3, 1.15, 0.0011, "noise", "which noise and the errors of the fitted parameters explain"),
+        (1.19, 1.19, 0.5, "noise", "which is consistent with noise"),
+        (1.21, 1.21, 0.5, "model", "(noise explains up to 1.2). Refitted to this record, the same"),
+        (1.5, 1.21, 0.0011, "model", "is not significantly better (1.21 N)"),
+        (1.5, 1.21, 0.0009, "parameters", "still above the noise"),
+    ],
+)
+def test_the_verdict_counts_the_noise_and_the_errors_of_parameters(
+    rms, refit, chance, verdict, words
+):
+    """A slider whose noise explains up to 1.2 times its standard deviation."""
+    shift = Shift("A", 1.0, 9.0, 0.1)
+    found = dataclasses.replace(prediction(rms, refit, 1.0, shift), largest=1.2, chance=chance)
+    assert found.verdict == verdict and words in found.sentence
+    assert found.sentence.startswith("Yes" if verdict == "noise" else "No")
+    table = found.to_json()
+    assert table["noise"] == {"sigma": 1.0, "largest_ratio": 1.2}
+    assert table["chance_of_refit"] == chance
 
 
 @pytest.mark.parametrize("refit", [1.31, 1.45])
@@ -258,7 +283,9 @@ def test_the_error_of_a_slider_shift_counts_correlated_noise_and_its_own_fit(mon
     made = saved([UM])
     for name in ("gain.g", "viscous.c"):
         made.content["after"]["free"].remove(name)
-    first, second = slider._shifts(SimpleNamespace(saved=made, problem=problem), "after", refit)
+    setting = SimpleNamespace(saved=made, problem=problem)
+    of_refit = slider._spread(setting, "after", refit)
+    first, second = slider._shifts(setting, "after", refit, of_refit)
     data = np.zeros((rows + 1, rows + 1))
     data[:rows, :rows], data[rows, rows] = root @ root.T, 1.0
     P = np.linalg.pinv(jacobian)
@@ -266,3 +293,111 @@ def test_the_error_of_a_slider_shift_counts_correlated_noise_and_its_own_fit(mon
     assert first.error == pytest.approx(np.hypot(0.1, spread[0]), rel=1e-6)
     assert second.error == pytest.approx(np.hypot(0.1, np.sinh(spread[1])), rel=1e-6)
     assert (first.model, first.here, second.here) == (1.0, 0.5, 1.0)
+
+
+# ---- noise, and errors of the parameters -----------------------------------------------------
+
+
+def slow(rng, rows, memory, share):
+    """Noise of variance 1: a `share` correlated over `memory` rows (AR(1)), the rest white."""
+    keep, found = np.exp(-1 / memory), np.zeros(rows)
+    found[0] = rng.standard_normal()
+    for k, kick in enumerate(np.sqrt(1 - keep**2) * rng.standard_normal(rows - 1), 1):
+        found[k] = keep * found[k - 1] + kick
+    return np.sqrt(share) * found + np.sqrt(1 - share) * rng.standard_normal(rows)
+
+
+def rows_of_steps(rows=1200):
+    """A record of three velocity steps: what `noise_of_record` asks of its problem."""
+    time, step = np.arange(rows) * 0.1, np.arange(rows) // (rows // 3)
+    path = np.cumsum(np.asarray([1.0, 10.0, 1.0])[step]) * 0.1 * UM
+    clock = np.stack([time, path, np.arange(rows, dtype=float)], axis=1)
+    friction = np.random.default_rng(0).standard_normal(rows)
+    return SimpleNamespace(time=time, clock=clock, friction=friction, noise_scale=0.5), step
+
+
+def test_the_noise_of_a_record_counts_what_is_correlated():
+    """AR(1) over eight rows with white noise: its rms over sigma is within what noise explains."""
+    problem, step = rows_of_steps()
+    level = np.ones((len(step), 1))
+    found = [
+        noise_of_record(problem, step, slow(np.random.default_rng(k), len(step), 8.0, 0.6), level)
+        for k in range(6)
+    ]
+    sigmas = np.asarray([one.sigma for one in found])
+    assert np.mean(sigmas) == pytest.approx(0.5, rel=0.08)  # in units of noise_scale
+    # closed form of the relative error of the rms: r_k = .6 exp(-k/8) for k > 0
+    q = np.exp(-2 / 8)
+    error = np.sqrt(0.5 * (1 + 2 * 0.36 * q / (1 - q)) / len(step))
+    largest = np.asarray([one.largest for one in found])
+    assert np.median(largest) == pytest.approx(1 + 3.143 * np.sqrt(2) * error, rel=0.04)
+    assert all(0.4 < one.share < 0.8 for one in found)
+
+
+def test_structure_along_the_path_is_no_noise():
+    """A hump after every step, as a missing state leaves it: sigma stays near that of the noise."""
+    problem, step = rows_of_steps()
+    since = np.concatenate([np.arange(400) * v for v in (0.1, 1.0, 0.1)]) * UM
+    hump = np.where(step > 0, 8 * since / (8 * UM) * np.exp(1 - since / (8 * UM)), 0.0)
+    noise = np.random.default_rng(5).standard_normal(len(step))
+    found = noise_of_record(problem, step, hump + noise, np.ones((len(step), 1)))
+    assert np.sqrt(np.mean((hump + noise) ** 2)) > 3
+    assert found.sigma * found.largest < 0.5 * 1.5
+
+
+def test_the_noise_of_a_short_record():
+    """Thirty rows are too few for the smooth columns."""
+    problem, step = rows_of_steps(30)
+    found = [
+        noise_of_record(
+            problem, step, np.random.default_rng(k).standard_normal(30), np.ones((30, 1))
+        )
+        for k in range(5)
+    ]
+    assert np.mean([one.sigma for one in found]) == pytest.approx(0.5, rel=0.2)
+    assert all(1.2 < one.largest < 2.5 for one in found)
+
+
+def test_a_part_that_is_correlated_too_far_along_the_path_is_misfit():
+    """Nearly all of the residual is correlated over half a step of the path, and none of it seen
+    by the smooth columns: sigma is that of the white rest."""
+    problem, step = rows_of_steps()
+    path = problem.clock[:, 1]
+    rng = np.random.default_rng(7)
+    wander = np.zeros(len(step))
+    for k in range(1, len(step)):
+        keep = np.exp(-(path[k] - path[k - 1]) / (60 * UM))
+        wander[k] = keep * wander[k - 1] + np.sqrt(1 - keep**2) * rng.standard_normal()
+    residual = 5 * wander + 0.1 * rng.standard_normal(len(step))
+    found = noise_of_record(problem, step, residual, np.ones((len(step), 1)))
+    assert found.sigma < 0.2 * 0.5 * np.std(residual) and found.largest < 1.15
+
+
+def test_the_chance_of_a_refit_is_that_of_draws():
+    """Two fits of one law, with errors of two covariances: the fall of the sum of squares where
+    both fit f0, and only the refit A and B, drawn by NumPy; B is exp z."""
+    rng, rows = np.random.default_rng(11), 60
+    jacobian = rng.standard_normal((rows, 3))
+    jacobian[:, 0] = 1.0
+    values = np.asarray([0.5, 1.0, np.exp(0.4)])
+    slopes = np.asarray([1.0, 1.0, values[2]])
+    problem = SimpleNamespace(
+        model=SimpleNamespace(names=lambda: ("f0", "A", "B")), noise_scale=2.0,
+        coordinates=SimpleNamespace(slopes=lambda z: slopes),
+    )  # fmt: skip
+    root, other = rng.standard_normal((2, 3, 3)) * 0.3
+    made = saved([UM])
+    table = made.content["after"]
+    table["free"] = ["f0", "A", "B"]
+    table["covariance"] = (slopes[:, None] * (root @ root.T) * slopes).tolist()
+    setting, spread = SimpleNamespace(saved=made, problem=problem), other @ other.T
+    apart = rng.standard_normal((20_000, 3)) @ np.linalg.cholesky(root @ root.T + spread).T
+    moved = apart[:, 1:] @ jacobian[:, 1:].T
+    gains = np.sum((moved - moved.mean(axis=1, keepdims=True)) ** 2, axis=1)
+    refit = SimpleNamespace(z=np.zeros(3), error=np.zeros(rows), jacobian=jacobian)
+    for level in (0.5, 0.1, 0.01):
+        error = 2.0 * np.sqrt(np.quantile(gains, 1 - level) / rows) * np.ones(rows)
+        found = SimpleNamespace(error=error)
+        chance = slider._chance(setting, "after", ("f0",), found, refit, spread)
+        assert chance == pytest.approx(level, rel=0.35)
+    assert slider._chance(setting, "after", ("f0", "A", "B"), found, refit, spread) == 1.0

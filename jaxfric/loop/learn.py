@@ -222,7 +222,7 @@ def noise_floor(engine: Engine, current: Candidate) -> Floor:
     found = engine.noise_afresh(rows.residual * engine.weight, train[:, used])
     noise = found.noise
     held = engine.blocks.select | engine.blocks.report
-    size = float(engine.problem.noise_scale)
+    size, clock = float(engine.problem.noise_scale), np.asarray(engine.problem.clock)
     # sigma is estimated from the train block and has a standard error
     chance = engine.rms_error(engine.blocks.train, noise)
 
@@ -231,8 +231,8 @@ def noise_floor(engine: Engine, current: Candidate) -> Floor:
 
     return Floor(
         found,
-        size * _level(engine, rows.residual, columns, engine.blocks.train, noise),
-        size * _level(engine, rows.residual, columns, held, noise),
+        size * level_of(clock, rows.residual, columns, engine.blocks.train, noise),
+        size * level_of(clock, rows.residual, columns, held, noise),
         {
             "train": max(TRAIN_FLOOR, largest_rms(chance)),
             "select": most(engine.blocks.select),
@@ -241,8 +241,8 @@ def noise_floor(engine: Engine, current: Candidate) -> Floor:
     )
 
 
-def _level(
-    engine: Engine, residual: np.ndarray, columns: np.ndarray, rows: np.ndarray, noise: Noise
+def level_of(
+    clock: np.ndarray, residual: np.ndarray, columns: np.ndarray, rows: np.ndarray, noise: Noise
 ) -> float:
     """rms of the noise on some rows (a mask): from the residual without the smooth columns,
     corrected for the noise that this projection removes."""
@@ -255,7 +255,7 @@ def _level(
     left = residual * mask
     left = left - smooth @ (smooth.T @ left)
     alone = noise._replace(sigma=np.ones(()))
-    taken = np.asarray(sandwich(engine.problem.clock, padded_columns(smooth, size=WIDE), alone))
+    taken = np.asarray(sandwich(clock, padded_columns(smooth, size=WIDE), alone))
     whole = float(np.sum((mask * np.asarray(noise.scale)) ** 2))
     share = whole - float(np.trace(taken))
     return float(np.sqrt(left @ left / share * whole / mask.sum()))

@@ -45,7 +45,7 @@ def merged(p: float, q: float) -> float:
     return min(1.0, 2 * math.sqrt(p * q))
 
 
-def chi_square_tail(x: float, degrees: int) -> float:
+def chi_square_tail(x: float, degrees: float) -> float:
     """Probability that chi-square with `degrees` of freedom exceeds `x`."""
     if degrees < 1:
         return 1.0

@@ -18,7 +18,7 @@ def prediction_figure(found: Prediction) -> Figure:
     named = style.motor_label if found.kind == "axis" else style.friction_label
     style.tidy(top, y=named(unit))
     style.mark_steps([top, middle], place)
-    style.band(middle, 1.96 * found.sigma, "±1.96 σ, the scatter of neighbouring rows")
+    style.band(middle, 1.96 * found.sigma, "±1.96 σ, the noise of the record")
     style.samples(middle, place.x, found.recorded - found.predicted, "residual")
     style.tidy(middle, y=("record − model", unit), zero=True)
     if found.position is not None:

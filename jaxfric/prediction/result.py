@@ -16,7 +16,10 @@ from ..schemas import PREDICTION
 _AS_GOOD = 1.1
 """Largest rms, over that of a refit, of a prediction that is as good as a fit."""
 _AT_NOISE = 1.3
-"""Largest rms, over the scatter of neighbouring rows, of a refit that is consistent with noise."""
+"""The same for an axis: largest rms of a refit, over the scatter of neighbouring rows, that is
+consistent with noise. A slider has the limit of its own noise (`noise.noise_of_record`)."""
+_SIGNIFICANT = 1e-3
+"""Significance level of a change of the parameters."""
 _SHIFTED = 3.0
 
 
@@ -33,6 +36,8 @@ class NoteCode(StrEnum):
     """Values: stiffness, of_model, unit; before and here, the normal stresses [Pa]."""
     INSIDE = "disturbance_inside"
     BESIDE = "disturbance_beside"
+    NOISE = "noise_of_the_record"
+    """Values: sigma, largest, share."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +53,7 @@ class Comparison:
     relative_error: float
     """|predicted - recorded|/|recorded|; for a slider the denominator is without the mean."""
     in_sigma: float | None
-    """rms over the scatter of neighbouring rows of this record; None if the scatter is not
-    known."""
+    """rms over the noise of this record (`Prediction.sigma`); None if it is not known."""
 
     @staticmethod
     def of(
@@ -60,7 +64,7 @@ class Comparison:
         unit: str,
         sigma: float | None,
     ) -> "Comparison":
-        """Compare by the rows' `error` (predicted - `recorded`) and their scatter `sigma`."""
+        """Compare by the rows' `error` (predicted - `recorded`) and their noise `sigma`."""
         rms = float(np.sqrt(np.mean(error**2)))
         relative = float(np.linalg.norm(error) / np.linalg.norm(recorded))
         return Comparison(model, method, rms, unit, relative, rms / sigma if sigma else None)
@@ -98,7 +102,8 @@ class Prediction(Described, Drawable, Gridded, Tabular):
     refitted: dict[str, tuple[float, float]]
     """Quantities fitted to this record: value of the model, value for this record."""
     sigma: float
-    """Scatter of neighbouring rows of the residual."""
+    """Noise of a row. Slider: standard deviation of white and correlated noise. Axis: scatter of
+    neighbouring rows of the residual."""
     refit_rms: float
     """Root mean square residual of the same model refitted to this record."""
     shifts: tuple[Shift, ...]
@@ -113,6 +118,13 @@ class Prediction(Described, Drawable, Gridded, Tabular):
     warnings: tuple[str, ...]
     steps: VelocitySteps | None = None
     """Velocity steps of a slider's record."""
+    largest: float = _AT_NOISE
+    """Largest rms over `sigma` that noise explains; for a slider in all but about one record of
+    a thousand."""
+    chance: float = 0.0
+    """Chance that a refit lowers the error as much, if no parameter has changed. It counts the
+    errors of the model and of the refit. 1 if noise explains the error; 0 for an axis, where it
+    is not computed."""
 
     @property
     def rms(self) -> float:
@@ -122,14 +134,17 @@ class Prediction(Described, Drawable, Gridded, Tabular):
     @property
     def verdict(self) -> str:
         """Cause of the residual: "noise", changed "parameters", or the "model"."""
-        if self.rms > _AS_GOOD * self.refit_rms:
+        if self.rms > _AS_GOOD * self.refit_rms and self.chance < _SIGNIFICANT:
             return "parameters"
-        return "noise" if self.refit_rms <= _AT_NOISE * self.sigma else "model"
+        return "model" if self._beyond(self.refit_rms) else "noise"
+
+    def _beyond(self, rms: float) -> bool:
+        """Whether noise does not explain an error."""
+        return rms > self.largest * self.sigma
 
     def shares(self) -> dict[str, float]:
         """Return shares of the mean square residual: removable by a refit ("parameters"), misfit of
-        the refit beyond noise ("model"), and scatter of neighbouring rows. The sum of the three
-        shares is 1.
+        the refit beyond noise ("model"), and noise. The sum of the three shares is 1.
         """
         whole = self.rms**2
         best = min(self.refit_rms**2, whole)
@@ -155,20 +170,25 @@ class Prediction(Described, Drawable, Gridded, Tabular):
             for s in self.shifts
             if abs(s.in_sigma) > _SHIFTED and s.name not in self.refitted
         ]
+        if self.verdict == "noise" and self._beyond(self.rms):
+            return f"{begin}, which noise and the errors of the fitted parameters explain."
         if self.verdict == "noise":
             return f"{begin}, which is consistent with noise."
+        begin += f" (noise explains up to {self.largest:.3g})"
         asks = "jaxfric axis" if self.kind == "axis" else "jaxfric loop"
         lacks = (
             "the model lacks an effect here, or the noise is correlated over many rows"
             f" (find out with {asks})"
         )
         if self.verdict == "model":
+            clearly = "significantly " if self.rms > _AS_GOOD * self.refit_rms else ""
             return (
-                f"{begin}. Refitted to this record, the same model is not better"
+                f"{begin}. Refitted to this record, the same model is not {clearly}better"
                 f" ({self.refit_rms:.3g}{unit}): {lacks}."
             )
-        beyond = self.refit_rms > _AT_NOISE * self.sigma
-        left = f", still above the noise: {lacks}" if beyond else ", the noise"
+        left = (
+            f", still above the noise: {lacks}" if self._beyond(self.refit_rms) else ", the noise"
+        )
         if moved:
             changed = f"its parameters have changed ({', '.join(moved)} differ)"
         else:
@@ -192,8 +212,9 @@ class Prediction(Described, Drawable, Gridded, Tabular):
                 name: {"model": model, "here": here}
                 for name, (model, here) in self.refitted.items()
             },
-            "noise": {"sigma": self.sigma},
+            "noise": {"sigma": self.sigma, "largest_ratio": self.largest},
             "refit_rms": self.refit_rms,
+            "chance_of_refit": self.chance,
             "shares": self.shares(),
             "parameters": {
                 s.name: entries(s, "model", "here", "error", "in_sigma") for s in self.shifts

@@ -29,11 +29,13 @@ from ..fitting.stages import prepare
 from ..fitting.stiffness import MachineStiffness, alike
 from ..fitting.thresholds import FAILED_MISFIT
 from ..fitting.uncertainty import spread_of
+from ..loop.residual_tests import chi_square_tail
 from ..loop.sampling import seen_between
+from ..loop.screen import orthonormal
 from ..records import Record, VelocitySteps
-from ..records.differences import noise_from_differences
 from ..rig.normal_stress import recorded_stress
 from .model import SavedModel
+from .noise import RecordNoise, noise_of_record
 from .result import Comparison, NoteCode, Prediction, Shift
 
 METHOD = "friction"
@@ -75,7 +77,7 @@ def predict_slider(
     require_float64()
     _refuse_other(saved, record)
     setting = _setting(saved, record, stiffness, steps)
-    comparisons, found = [], None
+    tried: dict[str, _Found] = {}
     unit, varying = record.friction_unit, record.friction - np.mean(record.friction)
     for name in reversed(saved.tables()):  # the better model first
         progress(f"prediction: {name}")
@@ -87,31 +89,38 @@ def predict_slider(
                 f" {unit_of('K', record.friction_unit)}, so that it predicts no friction. Check the"
                 " stiffness of the machine that made this record"
             )
-        sigma = noise_from_differences(one.error)
-        comparisons.append(Comparison.of(name, METHOD, one.error, varying, unit, sigma))
-        found = found or one
-    assert found is not None
-    best = list(saved.tables())[-1]
+        tried[name] = one
+    best, found = next(iter(tried.items()))
     progress("fitting this record for comparison")
     refit = _descend(setting, found.z, _fitted(setting, best))
+    spread = _spread(setting, best, refit)
+    noise = _noise(setting, best, refit)
+    rms = float(np.sqrt(np.mean(found.error**2)))
+    explained = rms <= noise.largest * noise.sigma
+    chance = 1.0 if explained else _chance(setting, best, tuple(free), found, refit, spread)
     model = saved.values(best)
     return Prediction(
         source=str(saved.path),
         origin=record.provenance,
         kind="slider",
         force_unit=unit,
-        comparisons=tuple(comparisons),
+        comparisons=tuple(
+            Comparison.of(name, METHOD, one.error, varying, unit, noise.sigma)
+            for name, one in tried.items()
+        ),
         refitted={name: (model[name], found.values[name]) for name in free},
-        sigma=noise_from_differences(found.error),
+        sigma=noise.sigma,
         refit_rms=float(np.sqrt(np.mean(refit.error**2))),
-        shifts=_shifts(setting, best, refit),
+        shifts=_shifts(setting, best, refit, spread),
         time=record.relative_time,
         recorded=record.friction,
         predicted=record.friction + setting.sign * found.error,
         position=None,
-        notes=_notes(setting, free),
+        notes=_notes(setting, free, noise),
         warnings=(*_warnings(setting), *_of_record(setting)),
         steps=setting.steps,
+        largest=noise.largest,
+        chance=chance,
     )
 
 
@@ -221,12 +230,25 @@ def _descend(setting: _SliderSetting, z: np.ndarray, free: tuple[str, ...]) -> _
     return _Found(z, values, error, jacobian)
 
 
-def _shifts(setting: _SliderSetting, name: str, refit: _Found) -> tuple[Shift, ...]:
-    """Return shifts of the parameters, with noise correlated like the residual of the refit."""
-    problem, names = setting.problem, setting.problem.model.names()
-    table, model = setting.saved.tables()[name], setting.saved.values(name)
-    free = _fitted(setting, name)
-    index = np.asarray([names.index(n) for n in free] + list(range(len(names), len(refit.z))))
+def _moved(setting: _SliderSetting, name: str, refit: _Found) -> np.ndarray:
+    """Return the indices of the fitted parameters and of the step times in z."""
+    names = setting.problem.model.names()
+    fitted = [names.index(n) for n in _fitted(setting, name)]
+    return np.asarray(fitted + list(range(len(names), len(refit.z))), int)
+
+
+def _noise(setting: _SliderSetting, name: str, refit: _Found) -> RecordNoise:
+    """Return the noise of this record."""
+    problem = setting.problem
+    columns = refit.jacobian[: problem.time.shape[0], _moved(setting, name, refit)]
+    step = np.searchsorted(setting.steps.times, setting.record.relative_time, side="right") - 1
+    residual = refit.error / float(problem.noise_scale)
+    return noise_of_record(problem, np.maximum(step, 0), residual, columns)
+
+
+def _spread(setting: _SliderSetting, name: str, refit: _Found) -> np.ndarray:
+    """Return the covariance (q, q) of the refit in z, with noise correlated like its residual."""
+    problem, index = setting.problem, _moved(setting, name, refit)
     columns = jnp.asarray(refit.jacobian[:, index])
     n = problem.time.shape[0]
     residual = jnp.asarray(refit.error / float(problem.noise_scale))
@@ -234,14 +256,59 @@ def _shifts(setting: _SliderSetting, name: str, refit: _Found) -> tuple[Shift, .
     rows = noise_rows(problem.clock, problem.weight, padded, columns[:n])
     noise = estimate_noise(rows).noise
     middle = np.array(sandwich(problem.clock, columns[:n], noise))
-    held = range(len(free), len(index))
+    held = range(len(_fitted(setting, name)), len(index))
     middle[held, held] += 1.0
-    spread = np.sqrt(np.maximum(np.diag(spread_of(columns, middle)), 0.0))
-    out, of = [], problem.coordinates
+    return spread_of(columns, middle)
+
+
+def _chance(
+    setting: _SliderSetting,
+    name: str,
+    refitted: tuple[str, ...],
+    found: _Found,
+    refit: _Found,
+    spread: np.ndarray,
+) -> float:
+    """Return the chance that a refit lowers the error as much, if no parameter has changed.
+
+    The sum of squares falls by d^T K d to first order. d is the difference of two estimates of the
+    parameters that only the refit moves, with the errors C of both. K = J^T J, with J less the
+    directions that both move. The distribution of d^T K d is approximated by a scaled chi-square
+    with the same mean tr(K C) and variance 2 tr(K C K C) (Satterthwaite 1946,
+    doi:10.2307/3002019).
+    """
+    problem, table = setting.problem, setting.saved.tables()[name]
+    index, fitted = _moved(setting, name, refit), _fitted(setting, name)
+    own = [k for k, parameter in enumerate(fitted) if parameter not in refitted]
+    if not own:
+        return 1.0
+    columns = refit.jacobian[:, index]
+    both = orthonormal(np.delete(columns, own, axis=1))
+    alone = columns[:, own] - both @ (both.T @ columns[:, own])
+    slopes = np.asarray(problem.coordinates.slopes(jnp.asarray(refit.z)))[index[own]]
+    places = [table["free"].index(fitted[k]) for k in own]
+    before = np.asarray(table["covariance"], float)[np.ix_(places, places)]
+    errors = np.nan_to_num(before) / np.outer(slopes, slopes) + spread[np.ix_(own, own)]
+    product = alone.T @ alone @ errors
+    mean, square = float(np.trace(product)), float(np.trace(product @ product))
+    gain = float(np.sum(found.error**2 - refit.error**2)) / float(problem.noise_scale) ** 2
+    if not square > 0:
+        return 0.0
+    return chi_square_tail(gain * mean / square, max(mean**2 / square, 1.0))
+
+
+def _shifts(
+    setting: _SliderSetting, name: str, refit: _Found, spread: np.ndarray
+) -> tuple[Shift, ...]:
+    """Return shifts of the parameters; `spread` is the covariance of the refit."""
+    table, model = setting.saved.tables()[name], setting.saved.values(name)
+    free, index = _fitted(setting, name), _moved(setting, name, refit)
+    deviations = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    out, of = [], setting.problem.coordinates
     for k, parameter in enumerate(free):
         here = refit.z[index[k]]
         ends = []
-        for z in (here - spread[k], here + spread[k]):
+        for z in (here - deviations[k], here + deviations[k]):
             moved = jnp.asarray(refit.z).at[index[k]].set(z)
             ends.append(float(of.from_free(moved)[index[k]]))
         own = table["parameters"][parameter].get("std") or 0.0
@@ -250,10 +317,10 @@ def _shifts(setting: _SliderSetting, name: str, refit: _Found) -> tuple[Shift, .
     return tuple(out)
 
 
-def _notes(setting: _SliderSetting, free: Sequence[str]) -> tuple[Warned, ...]:
+def _notes(setting: _SliderSetting, free: Sequence[str], noise: RecordNoise) -> tuple[Warned, ...]:
     told = warned(NoteCode.FITTED, parameters=free) if free else warned(NoteCode.NOTHING)
     times = (warned(NoteCode.STEPS),) if len(setting.problem.shifted) else ()
-    return (told, *setting.stiffness_note, *times)
+    return (told, *setting.stiffness_note, *times, warned(NoteCode.NOISE, **noise._asdict()))
 
 
 def _warnings(setting: _SliderSetting) -> tuple[str, ...]:

@@ -31,7 +31,7 @@ def _errors(found: Prediction) -> TextTable:
         )
     of = "the recorded friction less its mean" if found.kind == "slider" else "what was recorded"
     note = f"relative error: |predicted - recorded|/|recorded|, of {of}. in sigma: rms over the"
-    note += " scatter of neighbouring rows of this record"
+    note += " noise of this record"
     heads = ("model", "compared", "relative error", "rms", "in sigma")
     what = ("what other parameters would explain", "beyond the noise in any fit", "noise")
     shares = zip(what, found.shares().values(), strict=True)

@@ -355,6 +355,8 @@ REASONS: Mapping[str, str] = {
     " record, give the stiffness of that machine ({option[stiffness]})",
     "disturbance_inside": "the recorded force contains the disturbance: so the error is smaller",
     "disturbance_beside": "the recorded force is without the disturbance: so the error is smaller",
+    "noise_of_the_record": "noise of this record: sigma = {sigma:.3g}, {share:%.2g} % of its"
+    " variance correlated; noise alone exceeds {largest:.3g} sigma in one record of a thousand",
 }
 """Every template of a reason (`runs.reasons`) or note (`prediction.NoteCode`) by its code."""
 
