@@ -159,7 +159,7 @@ def _setting(
         model,
         stiffness=K,
         V0=values["V0"],
-        mass=values.get("m"),
+        mass=_mass(saved, values.get("m"), record),
         sign=sign,
         force_scale=abs(values["A"]),
     )
@@ -195,6 +195,15 @@ def _stiffness(
     K = of_model * before / here
     values = {"stiffness": K, "of_model": of_model, "before": before, "here": here}
     return K, (warned(NoteCode.SCALED, **values, unit=unit),)
+
+
+def _mass(saved: SavedModel, of_model: float | None, record: Record) -> float | None:
+    """Return the mass for a record [F s^2/m]; for a coefficient it is over the normal force, so it
+    is scaled by the ratio of both normal stresses, as the stiffness."""
+    before, here = saved.normal_stress(), record.mean_normal_stress
+    if of_model is None or record.friction_unit != "1" or not before or not here:
+        return of_model
+    return of_model if alike(before, here) else of_model * before / here
 
 
 def _start(setting: _SliderSetting, name: str) -> np.ndarray:
