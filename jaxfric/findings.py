@@ -33,7 +33,8 @@ class WarningCode(StrEnum):
     """Codes of warnings. The text of a warning may change, its code stays."""
 
     MISFIT = "misfit"
-    """A fit leaves far more than the scatter of neighbouring rows; values: times, of each fit."""
+    """A fit leaves far more than the scatter of neighbouring rows; values: times, of each fit, and
+    mass: whether one is stated, so that friction should be the force at the interface."""
     MISSED = "part_of_the_record_missed"
     """A fit of a run's step misses a part of its record by more than noise."""
     DRIFT = "drift_before_the_step"
@@ -162,6 +163,8 @@ class WarningCode(StrEnum):
     """Values: share by which it differs, found (in words)."""
     MASS = "mass_in_the_margins_only"
     """Values: advice."""
+    NO_MASS = "plan_without_mass"
+    """Values: mass, unit."""
     LOGARITHM = "motions_near_rest_without_mass"
     """Values: least (f0/A)."""
     NO_LOCKS = "file_system_without_locks"

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from ..effects import CATALOGUE
 from ..errors import InputError, did_you_mean, option
+from ..findings import WarningCode, warned
 from ..fitting.typed import typed_parameters
 from ..laws.registry import takes
 from ..saved.entry import law_in
@@ -60,12 +61,14 @@ def base_of_file(path: Path) -> Base:
             " loop.json of 'jaxfric loop'"
         )
     effects = tuple(effect.id for effect in fitted.effects)
-    values = {name: value for name, value in fitted.parameters.items() if name != "K"}
+    values = {name: value for name, value in fitted.parameters.items() if name not in ("K", "m")}
     stiffness = fitted.parameters.get("K", _number(content, "stiffness"))
     noise = _number(content.get("noise"), "sigma")
-    warned = own_warnings(content)
-    unit = fitted.friction_unit
-    return Base(values, fitted.name, unit, effects, warned, stiffness, noise)
+    unit, told = fitted.friction_unit, own_warnings(content)
+    if (mass := fitted.parameters.get("m")) is not None:
+        kilograms = "kg" if unit == "N" else "s^2/m"
+        told = (*told, warned(WarningCode.NO_MASS, mass=mass, unit=kilograms))
+    return Base(values, fitted.name, unit, effects, told, stiffness, noise)
 
 
 def named_pair(

@@ -288,6 +288,8 @@ WARNINGS: Mapping[str, str] = {
     # of a study
     "mass_in_the_margins_only": "the mass m is in the margins, and the simulated slider has none:"
     " {advice}, or inertia = false if this is intended",
+    "plan_without_mass": "the plan is without mass; the fit has {mass:.4g} {unit}, which is not"
+    " used",
     "motions_near_rest_without_mass": "motions without mass use the direct effect A ln(V/V_ref),"
     " margins the regularised one. They differ here (f0 = {least:.3g} A): for one law give m and"
     " inertia = true",
