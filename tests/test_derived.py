@@ -1,5 +1,7 @@
 """A-B and the critical stiffness of a fit: errors and intervals against closed forms and SciPy."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from jaxfric.fitting.derived import (
     difference,
     rate_dependence,
 )
+from jaxfric.fitting.misfit import misfit_warning
 from jaxfric.laws.registry import rate_state
 from jaxfric.laws.source import without_first
 from jaxfric.records import VelocitySteps, from_arrays
@@ -71,6 +74,40 @@ def test_the_error_of_a_less_b_is_that_of_samples(correlation):
     np.testing.assert_allclose(
         [found.lower, found.upper], np.percentile(own, [2.5, 97.5]), rtol=1e-2
     )
+
+
+def with_mass(fit, mass):
+    """The fit, with a stated mass; its record goes up to 10 um/s."""
+    stated = Estimate(mass, 0.0, mass, mass, "s^2/m", free=False)
+    return dataclasses.replace(fit, parameters={**fit.parameters, "m": stated})
+
+
+def test_the_critical_stiffness_of_a_fit_with_mass_is_25_at_its_fastest_speed():
+    """(25) for one state, k_v = 0: (B - A)/L (m V^2/(A L) + 1), and its interval by NumPy."""
+    covariance, mass, V = covariance_of(VALUES, 0.01), 4000.0, 1e-5
+    covariance[1:, 1:] = np.diag(np.diag(covariance)[1:])
+    fit = with_mass(fit_of(VALUES, covariance), mass)
+
+    def exact(A, B, L):
+        return (B - A) / L * (mass * V**2 / (A * L) + 1)
+
+    assert fit.critical_stiffness() == pytest.approx(600.0, rel=1e-9)
+    assert fit.critical_stiffness() == pytest.approx(exact(0.010, 0.014, 2e-5), rel=1e-9)
+    assert fit.critical_speed == V and fit_of(VALUES, covariance).critical_speed is None
+    rng = np.random.default_rng(8)
+    drawn = exact(*(v * np.exp(0.01 * rng.standard_normal(10**5)) for v in (0.010, 0.014, 2e-5)))
+    found = fit.critical().stiffness
+    ends = np.percentile(drawn, [2.5, 97.5])
+    np.testing.assert_allclose([found.lower, found.upper], ends, rtol=0.01)
+    assert "mass 4000 s^2/m at 1e-05 m/s, undamped" in " ".join(summary(fit))
+    assert "massless, undamped" in " ".join(summary(fit_of(VALUES, covariance)))
+
+
+def test_a_misfit_with_a_stated_mass_names_the_force_of_the_spring():
+    plain = dataclasses.replace(fit_of(VALUES, covariance_of(VALUES, 0.01)), rms=1.0)
+    for fit, heavy in ((plain, False), (with_mass(plain, 4000.0), True)):
+        (told,) = misfit_warning(fit)
+        assert told.values["mass"] is heavy and ("friction is the spring force" in told) == heavy
 
 
 def test_all_states_count_in_a_less_b_and_those_of_effects_too():

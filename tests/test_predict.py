@@ -15,6 +15,7 @@ from jaxfric.cli.folder import Folder
 from jaxfric.errors import InputError
 from jaxfric.prediction.model import load_model
 from jaxfric.prediction.result import Comparison, Prediction, Shift
+from jaxfric.protocol.base import base_of_file
 from jaxfric.records import Drive, VelocitySteps, axis_from_arrays, from_arrays
 from jaxfric.records.record import Provenance
 
@@ -283,6 +284,13 @@ def test_a_slider_with_mass_is_predicted_with_its_mass() -> None:
     other, steps = heavy((50e-6, 5e-4, 50e-6), 310.0, 2)
     found = jaxfric.predict(fit, other, steps=steps)
     assert found.verdict == "noise" and found.rms == pytest.approx(0.05, rel=0.05)
+    source = jaxfric.law_from_fit(fit, samples=2)
+    assert source.mass == 300.0
+    Path("heavy.json").write_text(json.dumps(fit.to_json()))
+    base = base_of_file(Path("heavy.json"))
+    assert (
+        "m" not in base.parameters and "the fit has 300 kg, which is not used" in base.warnings[-1]
+    )
     at_20 = 310.0 + 2.0 * np.log(50 / 20)  # f0 is the friction at V0 of the fit, 20 um/s
     assert found.refitted["f0"][1] == pytest.approx(at_20, abs=0.02)
     assert all(abs(shift.in_sigma) < 3 for shift in found.shifts if shift.name != "f0")

@@ -361,8 +361,10 @@ class LawOptions(NamedLaw):
 MASS = Parameter(
     allow_leading_hyphen=True,
     help="Mass with unit, '2 kg', if inertia matters. For gains also '1, 2 kg' or '1..3 kg'. If"
-    " friction is a coefficient: mass over normal force, 3e-6 s^2/m. Default: none, or the mass in"
-    " the loop.json of an axis. For several files: one mass, or one per file in their order.",
+    " friction is a coefficient: mass over normal force, 3e-6 s^2/m. In a fit with mass the column"
+    " friction is the force at the interface, not the spring force of a load cell. Default: none,"
+    " or the mass in the fit.json or loop.json. For several files: one mass, or one per file in"
+    " their order.",
 )
 Mass = Annotated[str | None, MASS]
 VELOCITY = Parameter(

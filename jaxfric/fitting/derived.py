@@ -22,7 +22,8 @@ from jaxtyping import Array, Float
 
 from ..laws.fitted import draw_samples
 from ..rig.friction import AbstractRateState
-from ..stability.theorem import critical_stiffness
+from ..stability.linear import linear_friction
+from ..stability.theorem import critical_stiffness, rice_ruina_criterion
 from ..traced import traced
 from .estimate import Estimate
 from .problem import Model, quantity_of
@@ -88,10 +89,27 @@ def critical_stiffness_of(law: AbstractRateState) -> float:
     return float(_critical(law))
 
 
-def critical_stiffness_at(model: Model, values: Mapping[str, float]) -> float:
-    """Critical stiffness of a model [friction/m] at the parameter values (SI), given by name."""
+Inertia = tuple[Array | np.ndarray, Array | np.ndarray]
+"""Mass [friction s^2/m] and velocity [m/s] of a critical stiffness."""
+
+
+def inertia_of(values: Mapping[str, float], speed: float) -> Inertia | None:
+    """The mass "m" of a model and the `speed` [m/s] of its critical stiffness; None without mass.
+    The critical stiffness rises with the speed, so `speed` is the fastest one of interest."""
+    return (np.asarray(values["m"]), np.asarray(speed)) if "m" in values else None
+
+
+def critical_stiffness_at(
+    model: Model, values: Mapping[str, float], inertia: Inertia | None = None
+) -> float:
+    """Critical stiffness of a model [friction/m] at the parameter values (SI), given by name.
+
+    It is that of an undamped slider: without mass, or with an `inertia` by (25); for one state it
+    is (B - A)/L (1 + m V^2/(A L)).
+    """
     own = np.asarray([values[name] for name in model.names()])
-    return float(_critical_at(model, own, np.asarray(values["V0"]), np.asarray(values["K"])))
+    V0, K = np.asarray(values["V0"]), np.asarray(values["K"])
+    return float(_critical_at(model, own, V0, K, inertia))
 
 
 @traced
@@ -100,10 +118,16 @@ def _critical_at(
     values: Float[Array | np.ndarray, " p"],
     V0: Float[Array | np.ndarray, ""],
     K: Float[Array | np.ndarray, ""],
+    inertia: Inertia | None,
 ) -> Float[Array, ""]:
     law = model.rig(jnp.asarray(values), jnp.asarray(V0), jnp.asarray(K)).friction
     assert isinstance(law, AbstractRateState)
-    return _critical(law)
+    if inertia is None:
+        return _critical(law)
+    mass, velocity = inertia
+    friction = linear_friction(law, jnp.asarray(velocity))
+    found = rice_ruina_criterion(friction.kernel, friction.slope, jnp.asarray(mass))
+    return found.critical_stiffness
 
 
 _critical = traced(critical_stiffness)
@@ -111,10 +135,14 @@ _critical = traced(critical_stiffness)
 
 @traced
 def _critical_of_samples(
-    model: Model, vectors: Float[Array, "n p"], V0: Float[Array, ""], K: Float[Array, ""]
+    model: Model,
+    vectors: Float[Array, "n p"],
+    V0: Float[Array, ""],
+    K: Float[Array, ""],
+    inertia: Inertia | None,
 ) -> Float[Array, " n"]:
     """Critical stiffness of each row of parameters, in the order of `model.names()`."""
-    return jax.vmap(lambda row: _critical_at(model, row, V0, K))(vectors)
+    return jax.vmap(lambda row: _critical_at(model, row, V0, K, inertia))(vectors)
 
 
 def samples_of(fit: Estimated, names: tuple[str, ...], number: int = SAMPLES) -> np.ndarray:
@@ -141,7 +169,9 @@ class Critical:
     """K/K_cr, including the error of a fitted K; inf if K_cr is 0 or less."""
 
 
-def critical_of(fit: Estimated, model: Model, value: float, *, known: bool) -> Critical:
+def critical_of(
+    fit: Estimated, model: Model, value: float, *, known: bool, inertia: Inertia | None = None
+) -> Critical:
     """The critical stiffness `value` of a fit of `model`, with intervals.
 
     `known` says whether all parameters of the critical stiffness are determined; if not, the
@@ -155,7 +185,8 @@ def critical_of(fit: Estimated, model: Model, value: float, *, known: bool) -> C
     drawn = samples_of(fit, (*model.names(), *(("K",) if not model.fit_stiffness else ())))
     size = len(model.names())
     vectors = jnp.asarray(drawn[:, :size])
-    found = _critical_of_samples(model, vectors, jnp.asarray(V0), jnp.asarray(K.value))
+    at = jnp.asarray(V0), jnp.asarray(K.value)
+    found = _critical_of_samples(model, vectors, *at, inertia)
     critical = np.asarray(found)
     own = drawn[:, model.names().index("K") if model.fit_stiffness else size]
     with np.errstate(divide="ignore", invalid="ignore"):

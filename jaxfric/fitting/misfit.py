@@ -33,8 +33,11 @@ def misfit_warning(fit: Fit) -> tuple[str, ...]:
     model = fit.model
     drift = "" if model.slip_trend else f" friction drifts with slip ({option('slip-trend')}),"
     other = "" if model.fit_stiffness else f" the stiffness is another ({option('fit-stiffness')}),"
+    heavy = "m" in fit.parameters
+    force = " friction is the spring force, not the force at the interface," if heavy else ""
     text = (
         f"the fit leaves {times:.2g} times the scatter of neighbouring rows: the model lacks an"
-        f" effect,{drift}{other} or the noise is correlated over many rows; jaxfric loop asks which"
+        f" effect,{drift}{other}{force} or the noise is correlated over many rows;"
+        " jaxfric loop asks which"
     )
-    return (Warned(text, WarningCode.MISFIT, {"times": [times]}),)
+    return (Warned(text, WarningCode.MISFIT, {"times": [times], "mass": heavy}),)

@@ -16,9 +16,11 @@ from ..stability.claims import SURE, Claim, held_with_trend, rate_state_claim
 from ..units import factor
 from .derived import (
     Critical,
+    Inertia,
     amplitudes,
     critical_of,
     critical_stiffness_at,
+    inertia_of,
     rate_dependence,
     signs,
 )
@@ -91,8 +93,19 @@ class Fit(Described, Drawable, Gridded, Tabular):
         return PiecewiseVelocity(self.steps.times, self.steps.velocities)
 
     def critical_stiffness(self) -> float:
-        """Critical stiffness of the fitted law without mass and damping [friction/m]."""
-        return critical_stiffness_at(self.model, self.values())
+        """Critical stiffness of the fitted law without damping [friction/m]: without mass, or with
+        the mass of the fit at the fastest speed of the record."""
+        return critical_stiffness_at(self.model, self.values(), self._inertia)
+
+    @property
+    def critical_speed(self) -> float | None:
+        """Speed [m/s] of the critical stiffness of a fit with mass, the fastest of the record; None
+        without mass, where the critical stiffness does not depend on the speed."""
+        return float(np.max(np.abs(self.steps.velocities))) if "m" in self.parameters else None
+
+    @property
+    def _inertia(self) -> Inertia | None:
+        return inertia_of(self.values(), self.critical_speed or 0.0)
 
     @property
     def A_minus_B(self) -> Estimate:
@@ -115,7 +128,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
         known = self.converged and all(self.parameters[n].determined for n in used)
         # values of a fit that did not converge may be impossible for the law
         value = self.critical_stiffness() if self.converged else np.nan
-        return critical_of(self, self.model, value, known=known)
+        return critical_of(self, self.model, value, known=known, inertia=self._inertia)
 
     @functools.cached_property
     def with_trend(self) -> tuple[float, float] | None:

@@ -173,9 +173,16 @@ def law_of(
         fitted.parameters.get("V0"),
         (*fitted.warnings, *left_out(fitted, scale)),
         fitted.velocity,
-        fitted.parameters.get("M"),
+        _mass(fitted, scale),
         fitted.coordinate,
     )
+
+
+def _mass(fitted: FittedLaw, scale: float) -> float | None:
+    """Return the mass [kg] of a fitted axis, or that stated for the fit of a slider; None without
+    mass. For a coefficient the fit has the mass over the normal force `scale` [N]."""
+    own = fitted.parameters.get("m")
+    return fitted.parameters.get("M") if own is None else scale * own
 
 
 def force_of_unit(unit: str, normal_force: float | None, where: str) -> float:

@@ -48,7 +48,8 @@ class LawSource:
     seen: tuple[float, float] | None = None
     """Lowest and highest velocity of the record [m/s]; None: no record."""
     mass: float | None = None
-    """Default mass [kg]: the moving mass of the fitted axis; None: not fitted to an axis."""
+    """Default mass [kg]: the moving mass of the fitted axis, or the mass stated for the fit of a
+    slider; None: no mass is known."""
     coordinate: Coordinate | None = "linear"
     """Whether the law is in m and N or in rad and N m; None: its units are unknown."""
     level_known: bool = True

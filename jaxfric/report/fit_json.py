@@ -29,6 +29,7 @@ def content(fit: Fit) -> dict:
             "steps": entries(fit.steps, "times", "velocities"),
             "critical_stiffness": kcr.stiffness.value if fit.converged else None,
             "critical_stiffness_unit": kcr.stiffness.unit,
+            **({"critical_stiffness_velocity": fit.critical_speed} if fit.critical_speed else {}),
             "critical_stiffness_interval": (kcr.stiffness.lower, kcr.stiffness.upper),
             "stiffness_over_critical_interval": (kcr.ratio.lower, kcr.ratio.upper),
             **entries(fit, "sum_of_squares", "rms"),

@@ -128,6 +128,17 @@ def _stability(fit: Fit, drift: Drift | None) -> list[str]:
     ]
 
 
+def _inertia(fit: Fit) -> str:
+    """The mass of a critical stiffness, and its speed."""
+    if fit.critical_speed is None:
+        return "massless"
+    mass, unit = fit.parameters["m"].value, f"{length_of(fit.record)}/s"
+    kilograms = "kg" if fit.record.friction_unit == "N" else "s^2/m"
+    return (
+        f"mass {mass:.4g} {kilograms} at {read_as(format_si(fit.critical_speed, 'm/s', unit, 3))}"
+    )
+
+
 def _critical(fit: Fit) -> list[str]:
     """The critical stiffness and the stiffness in units of it, with their 95 % intervals."""
     found, (unit, size) = fit.critical(), unit_for("K", fit)
@@ -136,6 +147,6 @@ def _critical(fit: Fit) -> list[str]:
     upper = f"to {ratio.upper:.2f}" if np.isfinite(ratio.upper) else "or more"
     return [
         f"stiffness is {ratio.value:.2f} times critical (95 %: {ratio.lower:.2f} {upper};"
-        " massless, undamped)",
+        f" {_inertia(fit)}, undamped)",
         f"critical stiffness {value} {unit} (95 %: {ends}; of {SAMPLES} samples of the covariance)",
     ]
