@@ -314,11 +314,13 @@ def test_a_gross_misfit_points_to_the_loop() -> None:
     of = {"record": SimpleNamespace(friction=friction), "converged": True}
     for fitted in (False, True):
         of["model"] = SimpleNamespace(fit_stiffness=fitted, slip_trend=fitted)
+        of["parameters"] = {"m": 300.0} if fitted else {}
         assert misfit_warning(SimpleNamespace(rms=1.5, **of)) == ()
         (text,) = misfit_warning(SimpleNamespace(rms=7.0, **of))
         assert text.startswith("the fit leaves 7") and "jaxfric loop" in text
         assert is_of(text, WarningCode.MISFIT) and ("fit_stiffness=True" in text) != fitted
         assert ("slip_trend=True" in text) != fitted
+        assert text.values["mass"] is fitted
 
 
 def test_steps_after_the_end_are_refused_by_record_too() -> None:
