@@ -29,8 +29,6 @@ from .split import Blocks
 from .thresholds import FELT
 
 _OF_DRIFTS = (WarningCode.LONG, WarningCode.VANISHED)
-FITTED = {"slip_trend": {"slip_trend.s": "slip_trend"}}
-"""Effects that `fit` fits too: their parameters by name, and the names of these in a `Fit`."""
 
 
 def slider_subject(
@@ -60,9 +58,7 @@ def slider_subject(
     path = np.asarray(base_fit.steps.displacement(record.relative_time))
     choice = Choice(asked.with_, asked.without)
     case = Case(changed(problem), blocks, friction_sensitivities, felt, path, choice)
-    values = base_fit.values() | more
-    fitted = tuple(id for id in choice.always if id in FITTED and _has(values, id))
-    start = _start_of(case, values, fitted, found_steps, fitted_times)
+    start = _start_of(case, base_fit.values() | more, found_steps, fitted_times)
     steps, step = shown[1].steps, blocks.step
     warnings = (*thinning, *repeated(base_fit.warnings))
     every = np.ones(len(step), bool)
@@ -71,7 +67,7 @@ def slider_subject(
     return Subject(
         case=case,
         start=start,
-        fitted=fitted,
+        fitted=("slip_trend",) if base_fit.model.slip_trend else (),
         scales=scales_of(record, base_fit.steps, known["L"].value),
         friction_unit=record.friction_unit,
         kind="slider",
@@ -84,11 +80,6 @@ def slider_subject(
     )
 
 
-def _has(values: Mapping[str, float], id: str) -> bool:
-    """Whether the values of a fit have those of an effect."""
-    return values.keys() >= set(FITTED[id].values())
-
-
 def edge_of(base_fit: Fit) -> float | None:
     """Loading stiffness over critical stiffness, K/K_cr, of the base fit; None if undetermined."""
     if base_fit.claim().kind != "critical":
@@ -99,17 +90,15 @@ def edge_of(base_fit: Fit) -> float | None:
 def _start_of(
     case: Case[Problem],
     values: Mapping[str, float],
-    fitted: Sequence[str],
     found_steps: VelocitySteps,
     fitted_times: np.ndarray | None,
 ) -> np.ndarray:
-    """Parameters of a base with these values, which include those of the `fitted` effects. The
-    other effects are at their null. Shifts of step times lead from the detected to the fitted times
-    [s] if these are known."""
+    """Parameters of a base with these values, and effects at their null but for a fitted slip
+    trend. Shifts of step times lead from the detected to the fitted times [s] if these are known.
+    """
     natural = [values[name] for name in case.model.base.names()] + case.model.nulls()
-    for id in fitted:
-        for name, of_fit in FITTED[id].items():
-            natural[case.model.names().index(name)] = values[of_fit]
+    if "slip_trend" in values:
+        natural[case.model.names().index("slip_trend.s")] = values["slip_trend"]
     z = case.problem.coordinates.to_free(np.asarray(natural))
     if found_steps.time_errors is None or fitted_times is None:
         return z
