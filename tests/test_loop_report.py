@@ -1333,7 +1333,7 @@ def test_the_friction_of_an_axis_is_of_the_model_that_predicts_it() -> None:
     found = told(**open_, M=lost)
     falls: Any = SimpleNamespace(claim=SimpleNamespace(kind="falls"))
     axis: Any = loop.details
-    axis.gains, axis.short = falls, lambda: "stick-slip: friction falls"
+    axis.gains, axis.short = falls, lambda by="": f"stick-slip{by}: friction falls"
     open_model = dataclasses.replace(loop.after, parameters=best | open_ | {"M": lost})
     slip = first_lines(dataclasses.replace(loop, after=open_model))[1]
     assert slip == "stick-slip, by the model with these effects: friction falls"

@@ -16,12 +16,13 @@ from .tables import TextTable
 from .words import capital
 
 _APART, _FACTOR = 4.0, 1.5
-_MEASURED = ("M", "F_c", "F_v")
+FRICTION = ("F_c", "F_v", "M")
+"""Parameters of the base model of an axis that an owner asks for."""
 
 
-def short(details: AxisDetails) -> str:
-    """Say whether the axis stick-slips, and which gain prevents stick-slip."""
-    return f"stick-slip: {details.gains.short(*_units(details))}"
+def short(details: AxisDetails, by: str = "") -> str:
+    """Say whether the axis stick-slips, `by` which model, and which gain prevents stick-slip."""
+    return f"stick-slip{by}: {details.gains.short(*_units(details))}"
 
 
 def found(details: AxisDetails) -> str:
@@ -74,7 +75,7 @@ def doubt(details: AxisDetails) -> str:
         f"{name} is {measured(own.value, own.std)} by the loop and"
         f" {measured(fit.values[name], fit.std[name])} by least squares of the rows that count"
         for name, own in details.loop.items()
-        if fit is not None and name in _MEASURED and _far_apart(fit, name, own)
+        if fit is not None and name in FRICTION and _far_apart(fit, name, own)
     ]
     return f"{'; '.join(told)}: neither value is reliable" if told else ""
 

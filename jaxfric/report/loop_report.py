@@ -15,6 +15,7 @@ from ..loop.thresholds import FAR, SIGNIFICANT, UNEXPLAINED
 from ..stability.claims import SURE
 from ..units import p_text
 from .aliases import apart, confused
+from .axis_loop_text import FRICTION
 from .estimates import friction_line, length_of, with_error
 from .location_text import variable_words
 from .loop_next import next_steps, run_to_make
@@ -32,7 +33,6 @@ from .words import lower, say
 
 _WIDER = 1.5
 """Factor by which rival models widen an error, from which the report says so."""
-_FRICTION = ("F_c", "F_v", "M")
 _TOO_FEW = (
     "The record has too few velocity steps to hold out whole ones, so it was split by displacement"
     " into before, transient and tail. Fewer effects can be distinguished."
@@ -202,10 +202,9 @@ def _found(loop: Loop, details: AxisDetails) -> str:
 def _stick_slip(loop: Loop, details: AxisDetails) -> str:
     """Whether the axis stick-slips, by the final model: the line says so if the friction line has
     the base model's numbers."""
-    told, claim = details.short(), details.gains.claim
-    if claim.kind == "open" or _model_of_friction(loop).effects == loop.after.effects:
-        return told
-    return told.replace(":", ", by the model with these effects:", 1)
+    open_ = details.gains.claim.kind == "open"
+    same = open_ or _model_of_friction(loop).effects == loop.after.effects
+    return details.short() if same else details.short(", by the model with these effects")
 
 
 def _model_of_friction(loop: Loop) -> Score:
@@ -221,7 +220,7 @@ def _model_of_friction(loop: Loop) -> Score:
         return loop.supported
     agree = (
         base[name].determined and abs(own[name].value - base[name].value) <= SURE * own[name].std
-        for name in _FRICTION
+        for name in FRICTION
         if name in own and own[name].determined
     )
     return loop.before if all(agree) else loop.supported
@@ -236,7 +235,7 @@ def _unexplained(loop: Loop, model: Score) -> bool:
 def _base_of(loop: Loop, model: Score) -> str:
     """Coulomb and viscous friction and the mass of an axis by a model, with errors."""
     mass = "inertia" if length_of(loop.record) == "rad" else "mass"
-    names = dict(zip(_FRICTION, ("Coulomb", "viscous", mass), strict=True))
+    names = dict(zip(FRICTION, ("Coulomb", "viscous", mass), strict=True))
     known, alone = model.parameters, _alone(loop) if model is loop.after else {}
     return ", ".join(
         f"{name} {with_error(known[symbol], length_of(loop.record))}"

@@ -104,9 +104,10 @@ class AxisDetails:
         """Parameters and errors of the fits side by side, and the gains, as tables of a report."""
         return said("axis_loop_text.tables", self)
 
-    def short(self) -> str:
-        """Whether the axis stick-slips, and the gains that stabilise it, as text."""
-        return said("axis_loop_text.short", self)
+    def short(self, by: str = "") -> str:
+        """Whether the axis stick-slips (`by` names the model), and the gains that stabilise it, as
+        text."""
+        return said("axis_loop_text.short", self, by)
 
     def found(self) -> str:
         """Results, as text, for a record that leaves the friction parameters open: each direction
