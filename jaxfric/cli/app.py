@@ -85,6 +85,8 @@ def main() -> None:
     """Run the command; every failure becomes one line and an exit code."""
     gc.disable()  # garbage collection while JAX traces costs a tenth of this short process's time
     sys.setswitchinterval(5e-4)  # default 5 ms: other threads would wait while one thread traces
+    # matrices are small and `threads` uses the cores: threads of OpenBLAS would wait for each other
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read by NumPy and SciPy when they load
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:  # closed by the caller
