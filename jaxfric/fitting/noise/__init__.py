@@ -4,7 +4,8 @@
   or rows).
 - `filter`, `covariance`, `likelihood`: a Kalman filter, the errors of parameters under a noise, and
   the restricted likelihoods of noises.
-- `search` finds the noise parts of a residual.
+- `families`: which parts a noise has, and the vector of their parameters; `search` finds the parts
+  of a residual.
 - `by_step`: scale of the noise, and its correlation length in rows ("pace"), in every velocity
   step.
 - `hum`, `glitches`, `quantisation` find spectral lines of constant frequency, outliers, and
@@ -17,6 +18,7 @@
 from .by_step import gain_of_pace, likeness_of_steps, own_clock, pace_of, scale_of_steps
 from .covariance import neighbours, rms_error, sandwich
 from .estimate import CLOCKS, ROTARY_CLOCKS, NoiseEstimate, NoisePart, noise_estimate, noise_words
+from .families import Family, noises_around, noises_at
 from .filter import (
     Whitening,
     coloured,
@@ -35,15 +37,12 @@ from .model import Noise, Noises, noise_of
 from .parts import Exponential, Limits, Resonator, limit_of_negative
 from .quantisation import least_noise, recorded_steps, step_words
 from .search import (
-    Family,
     Found,
     NoiseRows,
     estimate_noise,
     limits_of,
     longest_memory,
     noise_rows,
-    noises_around,
-    noises_at,
     not_below,
     profile_noise,
     stretches,
