@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float
 from ..quantity import quantity
 from ..rig.axis import AbstractAxisTerm, AxisPoint, AxisRig
 from ..rig.axis_state import AbstractAxisState, AxisRateState, Bristle
-from ..rig.friction.law import NEAR_ZERO
+from ..rig.thresholds import NEAR_ZERO
 from .effect import (
     AbstractEffect,
     AbstractLinearEffect,

@@ -38,19 +38,10 @@ from jaxtyping import Array, Bool, Float
 from ..quantity import quantity
 from ..rig import Rig
 from ..rig.friction.extended import AbstractTerm, Contact
-from ..rig.friction.law import LOG_MAX
 from ..rig.friction.rate_state import AbstractRateState
+from ..rig.thresholds import LOG_MAX
 from .effect import AbstractHeavyEffect, extended, with_term
-
-# c is 0.4/(1 + K L/(4 A)) crossings, as the slider itself responds within A/(K V). Half
-# this c costs twice the steps.
-_SHORTEST = 0.4
-_STIFF = 4.0
-# Scale of the states relative to A, which reduces their weight in the solver's error.
-_SCALE = 0.01
-# A negative delay (only in trials of a fit) acts logarithmically beyond this many crossings.
-_AHEAD = 0.25
-_LEAP_MAX = 10.0
+from .thresholds import AHEAD, LEAP_MAX, SHORTEST_LAG, STATE_SCALE, STIFF
 
 
 class _Filter(NamedTuple):
@@ -82,22 +73,22 @@ class _DelayTerm(AbstractTerm):
         V = at.V / at.base.V0
         ahead = jnp.where(self.alpha < 0, -self.alpha, 0.0) * V * _per_second(at)
         g = _filter(self._delay(at, p), self.c).g
-        return at.base.B[0] * (g * V * jnp.exp(-p) - _AHEAD * jnp.log1p(ahead / _AHEAD))
+        return at.base.B[0] * (g * V * jnp.exp(-p) - AHEAD * jnp.log1p(ahead / AHEAD))
 
     def rate(self, at: Contact, force: Array) -> Array:
         del force
-        return _SCALE * at.base.A * self._past(at).rates
+        return STATE_SCALE * at.base.A * self._past(at).rates
 
     def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
         del force
         u = jnp.log(jnp.abs(V) / base.V0)
-        return _SCALE * base.A * jnp.stack([u, u, jnp.zeros_like(V)])
+        return STATE_SCALE * base.A * jnp.stack([u, u, jnp.zeros_like(V)])
 
     def shift(self, at: Contact):
         return self.force(at) + at.base.B[0] * self._past(at).rest
 
     def _unscaled(self, at: Contact):
-        p, y, z = at.state / (_SCALE * at.base.A)
+        p, y, z = at.state / (STATE_SCALE * at.base.A)
         return jnp.clip(p, -LOG_MAX, LOG_MAX), y, z
 
     def _delay(self, at: Contact, p: Array) -> Float[Array, ""]:
@@ -108,7 +99,7 @@ class _DelayTerm(AbstractTerm):
         p, y, z = self._unscaled(at)
         u = _log(at.V / at.base.V0)
         load = u if at.load_velocity is None else _log(at.load_velocity / at.base.V0)
-        leap = jnp.clip(jnp.maximum(u, load) - p, -LOG_MAX, _LEAP_MAX)
+        leap = jnp.clip(jnp.maximum(u, load) - p, -LOG_MAX, LEAP_MAX)
         dp = leap * jnp.exp(leap) / (0.5 * self.c)
 
         a = self._delay(at, p)
@@ -170,8 +161,8 @@ class FrictionalDelay(AbstractHeavyEffect[Rig]):
 
     def embed(self, rig: Rig) -> Rig:
         law = extended(rig).base
-        stiff = rig.machine.stiffness * law.L[0] / (_STIFF * law.A)
-        return with_term(rig, _DelayTerm(self.alpha, _SHORTEST / (1 + stiff)))
+        stiff = rig.machine.stiffness * law.L[0] / (STIFF * law.A)
+        return with_term(rig, _DelayTerm(self.alpha, SHORTEST_LAG / (1 + stiff)))
 
     def embed_first_order(self, rig: Rig) -> Rig:
         return with_term(rig, _FirstOrderTerm(self.alpha))

@@ -9,8 +9,8 @@ from jaxtyping import Array, Bool, Float
 from ..quantity import quantity
 from ..rig import Rig
 from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact
-from ..rig.friction.law import LOG_MAX
 from ..rig.friction.rate_state import AbstractRateState
+from ..rig.thresholds import LOG_MAX
 from .effect import (
     AbstractEffect,
     AbstractEvolutionEffect,

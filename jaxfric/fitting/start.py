@@ -33,7 +33,7 @@ from jaxtyping import Array, Float
 from ..laws.registry import evolution_of
 from ..records import VelocitySteps
 from ..rig.friction import AbstractEvolution, AgeingEvolution, SlipEvolution
-from ..rig.friction.law import NEWTON_STEPS
+from ..rig.thresholds import NEWTON_STEPS
 from ..traced import traced
 from .loading import Loading, steepest_loading
 from .means import INTERVALS, Averaged, average

@@ -11,24 +11,20 @@ import numpy as np
 from ..errors import InputError, option
 from ..findings import WarningCode, warned
 from ..units import has_dimension, parse_quantity
-
-_ALIKE = 1.02
-"""Normal stresses are equal within this factor."""
-_OFF, _FAR = 0.1, 3.0
-"""Stiffnesses disagree if they differ by more than `_OFF` and by more than `_FAR` errors."""
+from .thresholds import STIFFNESS_FAR, STIFFNESS_OFF, STRESSES_ALIKE
 
 
 def departure(given: float, found: float, error: float) -> float | None:
     """Return the deviation of a given stiffness from a measured one with a standard error, as a
     share of the measured one; None if both agree.
     """
-    agree = abs(given - found) <= max(_OFF * found, _FAR * error)
+    agree = abs(given - found) <= max(STIFFNESS_OFF * found, STIFFNESS_FAR * error)
     return None if agree else given / found - 1
 
 
 def alike(one: float, other: float) -> bool:
-    """Whether two positive normal stresses are equal within `_ALIKE`."""
-    return max(one, other) < _ALIKE * min(one, other)
+    """Whether two positive normal stresses are equal within `STRESSES_ALIKE`."""
+    return max(one, other) < STRESSES_ALIKE * min(one, other)
 
 
 @dataclass(frozen=True)

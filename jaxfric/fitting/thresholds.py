@@ -167,3 +167,10 @@ differs from its later level by this share of its range, and if it changes by th
 later, as a trend or a slow noise does not."""
 STEADY_SAFE = 0.3
 """Factor of both shares from which a later start is advised."""
+
+# ---- the stiffness of the machine
+
+STRESSES_ALIKE = 1.02
+"""Normal stresses are equal within this factor."""
+STIFFNESS_OFF, STIFFNESS_FAR = 0.1, 3.0
+"""Stiffnesses disagree if they differ by more than this share and by more than this many errors."""

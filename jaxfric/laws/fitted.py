@@ -46,6 +46,7 @@ from ..rig.friction import AbstractLaw
 from ..rig.friction.extended import ExtendedLaw
 from .registry import law_quantity, rate_state
 from .source import LawSource, taken
+from .thresholds import NARROWER, NO_WIDTH
 
 Effects = Sequence[type[AbstractEffect]]
 Parameters = dict[str, Array]
@@ -55,11 +56,6 @@ _WHILE = ("normal_stress", "time_drift")
 """Friction effects that vanish in steady motion."""
 _ROOMS = {"machine": "machine", "drive": "drive", "sensor": "force sensor"}
 _DIRECT = f"{RateAndState.id}.A"
-# Width of the law's smoothed sign over that of the record: sharp at the speeds that were fitted,
-# yet smooth enough to simulate through rest.
-_NARROWER = 0.05
-# Width of the law's smoothed sign where that of the record is unknown [m/s].
-_NO_WIDTH = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +258,7 @@ def _slider(
 
 def _axis(fitted: FittedLaw, inside: Effects) -> Callable[[Parameters], AxisLaw]:
     """Return a function from parameters by name to an axis' law."""
-    mass, width = fitted.parameters["M"], fitted.width or _NO_WIDTH
+    mass, width = fitted.parameters["M"], fitted.width or NO_WIDTH
     asymmetry = f"{DirectionAsymmetry.id}.d"
 
     def build(p: Parameters) -> AxisLaw:
@@ -271,7 +267,7 @@ def _axis(fitted: FittedLaw, inside: Effects) -> Callable[[Parameters], AxisLaw]
             fields = {name: p[f"{effect.id}.{name}"] for name in parameters(effect)}
             rig = made(effect, fields).embed(rig)
         direction = jnp.where(p[asymmetry] > 0, -1.0, 1.0) if asymmetry in p else 1.0
-        return axis_law(rig, 0.0, direction, width=_NARROWER * width)
+        return axis_law(rig, 0.0, direction, width=NARROWER * width)
 
     return build
 

@@ -25,10 +25,7 @@ from .registry import (
     law_quantity,
     rate_state,
 )
-
-_BEYOND = 2.0
-_F0 = 50.0
-"""Steady friction in units of A where f0 is not given; rock and metal have 30 to 100."""
+from .thresholds import BEYOND, USUAL_F0
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +59,7 @@ class LawSource:
         if self.seen is None or V.size == 0:
             return ()
         low, high = self.seen
-        if V.min() >= low / _BEYOND and V.max() <= _BEYOND * high:
+        if V.min() >= low / BEYOND and V.max() <= BEYOND * high:
             return ()
         worst = max(V.max() / high, low / V.min())
         asked = {"least": V.min(), "most": V.max(), "times": worst}
@@ -93,8 +90,8 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
         force = unit_of("N", coordinate)
         name += (
             f"; f0, the steady friction at V0, is not given: {float(law.f0):.4g} {force}"
-            f" ({_F0:g} times A) is assumed, which matters to rest and stick-slip and hardly to"
-            " linear stability"
+            f" ({USUAL_F0:g} times A) is assumed, which matters to rest and stick-slip and hardly"
+            " to linear stability"
         )
     return LawSource(
         law,
@@ -159,7 +156,7 @@ def _built(kind: str, pairs: Mapping[str, str]) -> tuple[Law, Coordinate]:
                 f" {', '.join(known)}"
             )
     if is_rate_state(kind):
-        return rate_state(kind, {"f0": _F0 * values["A"], **values}, states), coordinate
+        return rate_state(kind, {"f0": USUAL_F0 * values["A"], **values}, states), coordinate
     assert isinstance(entry, type)
     return entry(**values), coordinate
 

@@ -7,8 +7,7 @@ from jaxtyping import Array, ArrayLike, Float
 from .axis import AxisRig
 from .axis_state import AxisRateState
 from .friction.law import AbstractLaw, Conditions
-
-_SHARP = 1e-12
+from .thresholds import SHARP
 
 
 class AxisLaw(AbstractLaw):
@@ -45,7 +44,7 @@ class AxisLaw(AbstractLaw):
 
 
 def axis_law(
-    rig: AxisRig, position: float, direction: ArrayLike, *, width: ArrayLike = _SHARP
+    rig: AxisRig, position: float, direction: ArrayLike, *, width: ArrayLike = SHARP
 ) -> AxisLaw:
     """Return the friction of a rig about forward (1) or backward (-1) motion.
 

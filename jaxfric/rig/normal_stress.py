@@ -12,10 +12,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..errors import InputError
-
-_KNOTS = 1024
-_FEWEST = 5
-_EACH = 64
+from .thresholds import FEWEST_ROWS, KNOTS, KNOTS_OF_BLOCK
 
 
 class NormalStress(eqx.Module):
@@ -45,13 +42,13 @@ class NormalStress(eqx.Module):
     def _interval(self, t: Float[Array, ""]) -> Int[Array, ""]:
         """Index of the last knot at or before `t`, or 0.
 
-        All knots in steps of `_EACH` are compared at once, then those that follow the one found. A
-        binary search would be a loop within the solver's loop, and slower.
+        All knots in steps of `KNOTS_OF_BLOCK` are compared at once, then those that follow the one
+        found. A binary search would be a loop within the solver's loop, and slower.
         """
         first, knots = 0, self.knots
-        if len(knots) % _EACH == 0:
-            first = _EACH * jnp.maximum(jnp.sum(t >= knots[::_EACH]) - 1, 0)
-            knots = jax.lax.dynamic_slice_in_dim(knots, first, _EACH)
+        if len(knots) % KNOTS_OF_BLOCK == 0:
+            first = KNOTS_OF_BLOCK * jnp.maximum(jnp.sum(t >= knots[::KNOTS_OF_BLOCK]) - 1, 0)
+            knots = jax.lax.dynamic_slice_in_dim(knots, first, KNOTS_OF_BLOCK)
         return first + jnp.maximum(jnp.sum(t >= knots) - 1, 0)
 
     def padded(self, length: int) -> "NormalStress":
@@ -66,7 +63,7 @@ class NormalStress(eqx.Module):
         )
 
 
-def recorded_stress(time: ArrayLike, stress: ArrayLike, *, knots: int = _KNOTS) -> NormalStress:
+def recorded_stress(time: ArrayLike, stress: ArrayLike, *, knots: int = KNOTS) -> NormalStress:
     """Smooth a recorded normal stress: `time` from the start of the record [s], `stress` > 0.
 
     Neighbouring rows are averaged down to at most `knots` points. A cubic smoothing spline (SciPy's
@@ -79,14 +76,14 @@ def recorded_stress(time: ArrayLike, stress: ArrayLike, *, knots: int = _KNOTS) 
         stress that is not positive.
     """
     t, s = np.asarray(time, float), np.asarray(stress, float)
-    if t.ndim != 1 or t.shape != s.shape or len(t) < _FEWEST or np.any(np.diff(t) <= 0):
+    if t.ndim != 1 or t.shape != s.shape or len(t) < FEWEST_ROWS or np.any(np.diff(t) <= 0):
         raise InputError("normal stress: needs as many rows as ascending times, 5 at least")
     if not np.all(s > 0):
         raise InputError("normal stress: must be positive in every row; cut the record")
     from scipy.interpolate import PPoly, make_smoothing_spline  # slow to import
 
     begin, end = t[0], t[-1]
-    rows = -(-len(t) // max(knots - 1, _FEWEST))
+    rows = -(-len(t) // max(knots - 1, FEWEST_ROWS))
     starts = np.arange(0, len(t), rows)
     sizes = np.diff(np.append(starts, len(t)))
     t, s = np.add.reduceat(t, starts) / sizes, np.add.reduceat(s, starts) / sizes
@@ -127,6 +124,6 @@ def moved_stress(time: ArrayLike, stress: ArrayLike) -> float:
     independent in the two histories.
     """
     t, s = np.asarray(time, float), np.asarray(stress, float)
-    halves = [recorded_stress(t[k::2], s[k::2], knots=_KNOTS) for k in (0, 1)]
+    halves = [recorded_stress(t[k::2], s[k::2], knots=KNOTS) for k in (0, 1)]
     ratios = [np.asarray(jax.vmap(half.ratio)(jnp.asarray(t))) for half in halves]
     return float(np.sqrt(max(np.cov(ratios)[0, 1], 0.0)))

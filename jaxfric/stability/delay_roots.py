@@ -33,7 +33,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..errors import InputError
-from ..rig.friction.law import NEWTON_STEPS
+from ..rig.thresholds import NEWTON_STEPS
 from .undefined import is_double, root_without_derivative
 
 

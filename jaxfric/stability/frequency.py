@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, Int
 
-from ..rig.friction.law import NEWTON_STEPS
+from ..rig.thresholds import NEWTON_STEPS
 from .kernel import DelayKernel
 from .linear import LinearSlider
 from .thresholds import (

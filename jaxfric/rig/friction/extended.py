@@ -29,7 +29,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ...quantity import quantity
-from .law import LOG_MAX, NEWTON_STEPS, AbstractInvertibleLaw, Conditions, Scalar, States
+from ..thresholds import LOG_MAX, NEWTON_STEPS
+from .law import AbstractInvertibleLaw, Conditions, Scalar, States
 from .rate_state import AbstractEvolution, AbstractRateState, AgeingEvolution, SlipEvolution
 
 if TYPE_CHECKING:  # type checkers mistake equinox's for an instance field

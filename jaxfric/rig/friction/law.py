@@ -11,13 +11,6 @@ from typing import NamedTuple
 import equinox as eqx
 from jaxtyping import Array, Float
 
-LOG_MAX = 40.0
-"""Largest logarithm of a velocity ratio, which keeps a solver's trial steps finite."""
-NEAR_ZERO = 1e-12
-"""Lower bound on the base of a power: at 0 the power may have no derivative."""
-NEWTON_STEPS = 4
-"""Newton steps from a near start: each doubles the digits, from one to all of a double."""
-
 Scalar = Float[Array, ""]
 States = Float[Array, " n"]
 """State variables of a law, or one number for each of them."""

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...quantity import quantity
-from .law import NEAR_ZERO, AbstractLaw, Conditions, Scalar, States
+from ..thresholds import NEAR_ZERO
+from .law import AbstractLaw, Conditions, Scalar, States
 
 
 class Dahl(AbstractLaw):

@@ -20,7 +20,8 @@ from jaxtyping import Array, Float
 
 from ...errors import InputError
 from ...quantity import quantity, refuse_outside
-from .law import LOG_MAX, NEWTON_STEPS, AbstractInvertibleLaw, Conditions, Scalar, States
+from ..thresholds import LOG_MAX, NEWTON_STEPS
+from .law import AbstractInvertibleLaw, Conditions, Scalar, States
 
 
 class AbstractEvolution(eqx.Module):

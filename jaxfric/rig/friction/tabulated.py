@@ -18,10 +18,8 @@ from jaxtyping import Array, Float
 
 from ...errors import InputError
 from ...quantity import as_floats, quantity
+from ..thresholds import SIGN_WIDTH
 from .law import AbstractLaw, Conditions, Scalar, States
-
-_WIDTH = 1e-3
-"""Width of the smoothed sign over the lowest speed of a table: exact at all speeds of the table."""
 
 
 class TabulatedFriction(AbstractLaw):
@@ -63,7 +61,7 @@ class TabulatedFriction(AbstractLaw):
             for side in ("left", "right")
         )
         i = jnp.where(slopes[before] < slopes[after], before, after)
-        sign = jnp.tanh(V / (_WIDTH * self.speed[0]))
+        sign = jnp.tanh(V / (SIGN_WIDTH * self.speed[0]))
         return (self.friction[i] + slopes[i] * (size - self.speed[i])) * sign
 
     def force(self, V: Scalar, state: States, at: Conditions) -> Scalar:
