@@ -81,6 +81,29 @@ def test_a_state_that_begins_in_motion_is_steady_and_one_at_rest_stays():
     assert float(theta[-1]) == float(theta[25]) < 0
 
 
+@pytest.mark.parametrize("x", [1e-300, 1e-160, 1e-9, 1e-4, 0.099, 0.101, 2.0, 30.0])
+def test_derivatives_of_the_state_over_any_path(x):
+    """One leg from v = a to b over a path x L, at any size of the path: rest ends in the smallest.
+
+    theta = ss_b + (ss_a - ss_b) m(x), where m and its derivatives are integrals: quadrature.
+    """
+    v = np.asarray([2e-3, 1e-2])
+    path = x * L
+    t = jnp.asarray([0.0, 2 * path / v.sum()])
+    theta = lambda L: along(L, t, jnp.asarray(v))[1]  # noqa: E731
+    s, w = np.polynomial.legendre.leggauss(60)
+    s, w = (s + 1) / 2, w / 2
+    m, first, second = (np.sum(w * (-s) ** k * np.exp(-s * x)) for k in range(3))
+    ss = -B * np.log1p(v / VC)
+    fall = ss[0] - ss[1]
+    assert float(theta(L)) == pytest.approx(ss[1] + fall * m, rel=1e-12)
+    by_L = -x / L * first
+    assert float(jax.grad(theta)(L)) == pytest.approx(fall * by_L, rel=1e-9, abs=0)
+    terms = np.asarray([2 * x / L**2 * first, (x / L) ** 2 * second]) * fall
+    for found in (jax.grad(jax.grad(theta)), jax.jacfwd(jax.jacfwd(theta))):
+        assert abs(float(found(L)) - terms.sum()) < 1e-9 * np.max(np.abs(terms))
+
+
 # ---- the closed loop -------------------------------------------------------------------------
 
 

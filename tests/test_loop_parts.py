@@ -10,6 +10,7 @@ from scipy import linalg, stats
 
 import jaxfric as jf
 from jaxfric.effects import RecordScales
+from jaxfric.errors import InputError
 from jaxfric.fitting import Estimate
 from jaxfric.fitting.noise import (
     Exponential,
@@ -359,6 +360,13 @@ def test_cosines_of_effects():
     least = np.cos(linalg.subspace_angles(keep["wide"], keep["other"]).min())
     assert cosines[at["wide"], at["other"]] == pytest.approx(least, rel=1e-9)
     assert np.all(np.delete(cosines[at["absorbed"]], at["absorbed"]) == 0)
+
+
+def test_an_effect_without_finite_sensitivities_is_named():
+    lost = np.full((80, 1), 1.0)
+    lost[7] = np.nan
+    with pytest.raises(InputError, match="by an amplitude of odd is not finite"):
+        synthetic_screening(lambda base, rng: {"even": [base[:, :1]], "odd": [lost]})
 
 
 def test_an_orthonormal_basis_leaves_out_what_is_there_twice():

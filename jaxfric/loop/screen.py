@@ -13,6 +13,7 @@ import jax
 import numpy as np
 
 from ..effects import RecordScales
+from ..errors import InputError, option
 from ..fitting.thresholds import FAILED_MISFIT
 from .case import Column
 from .engine import Engine
@@ -118,6 +119,7 @@ def _likeliest(engine: Engine, current: Candidate, seen: Screening) -> Screening
     """The most promising shapes of every effect, under white noise and that of the fit."""
     weight = engine.known[:, None]
     both = np.concatenate([seen.rows.residual[:, None], seen.matrix], axis=1) * weight
+    _refuse_infinite(seen.columns, both[:, 1:])
     kept: set[int] = set()
     for white in (both, engine.whiten(both, current.noise, engine.known)):
         basis = orthonormal(white[:, [k + 1 for k in seen.base]])
@@ -217,6 +219,7 @@ def alias_cosines(
     the least principal angle, and the largest over all shapes. For each effect of the fit, `absent`
     has the sensitivities at a fit without this effect.
     """
+    _refuse_infinite(seen.columns, white)
     free = list(engine.free(current.effects))
     parts: dict[str, list[np.ndarray]] = {}
     alone: dict[str, dict[str, list[np.ndarray]]] = {}
@@ -243,6 +246,16 @@ def alias_cosines(
             pairs = itertools.product(where[a], where[b])
             matrix[i, j] = matrix[j, i] = max((_cosine(p, q) for p, q in pairs), default=0.0)
     return ids, matrix
+
+
+def _refuse_infinite(columns: tuple[Column, ...], matrix: np.ndarray) -> None:
+    """Raise `InputError` for the first effect with a sensitivity that is not finite."""
+    for column in columns:
+        if not np.all(np.isfinite(matrix[:, list(column.places)])):
+            raise InputError(
+                f"effects: the derivative of the prediction by an amplitude of {column.id} is not"
+                f" finite; leave this effect out ({option('exclude')} {column.id})"
+            )
 
 
 def _cosine(a: np.ndarray, b: np.ndarray) -> float:
