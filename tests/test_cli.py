@@ -25,6 +25,7 @@ from command import (
 )
 
 from jaxfric.cli import app as cli
+from jaxfric.cli import main
 from jaxfric.cli.folder import NOTES
 from jaxfric.cli.told import doing, pause, telling
 from jaxfric.findings import WarningCode, is_of
@@ -289,7 +290,7 @@ def test_an_interrupt_at_a_figure_keeps_the_numbers(
     broken_figure(monkeypatch, KeyboardInterrupt())
     monkeypatch.setattr(sys, "argv", ["jaxfric", "fit", "run.csv", *STIFFNESS])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main()
     assert ended.value.code == 130
     told = "jaxfric: interrupted at the figure; the numbers are in run-fit/\n"
     assert without_beats(capsys.readouterr().err) == told
@@ -303,10 +304,25 @@ def test_an_interrupt_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, cap
     monkeypatch.setattr("jaxfric.fitting.fit", fit)
     monkeypatch.setattr(sys, "argv", ["jaxfric", "fit", "run.csv", *STIFFNESS])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main()
     assert ended.value.code == 130
     assert without_beats(capsys.readouterr().err) == "jaxfric: interrupted; nothing was written\n"
     assert names(".") == ["run.csv"]
+
+
+def test_an_interrupt_while_modules_load_is_one_line() -> None:
+    stop = (
+        "import sys\n"
+        "class Stop:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'cyclopts': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Stop())\n"
+        "from jaxfric.cli import main\n"
+        "main()"
+    )
+    done = subprocess.run([sys.executable, "-c", stop, "--help"], capture_output=True, text=True)
+    assert done.returncode == 130 and done.stdout == ""
+    assert done.stderr == "jaxfric: interrupted; nothing was written\n"
 
 
 def test_a_gross_misfit_points_to_the_loop() -> None:

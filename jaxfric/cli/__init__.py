@@ -15,4 +15,18 @@ Every verb has `--json` (stdout is exactly one JSON document), `--quiet` (no pro
 A verb imports modules only when the verb runs, so that `jaxfric --help` is quick.
 """
 
-from .app import main as main
+import gc
+import sys
+
+
+def main() -> None:
+    """Run the command. Ctrl-C ends it with one line and code 130, also while its modules load."""
+    try:
+        from .app import exit_code
+
+        code = exit_code()
+    except KeyboardInterrupt:
+        print("jaxfric: interrupted; nothing was written", file=sys.stderr)
+        code = 130
+    gc.freeze()  # skips the search for reference cycles at exit, which takes half a second
+    sys.exit(code)

@@ -81,8 +81,8 @@ app.register_install_completion_command(
 )
 
 
-def main() -> None:
-    """Run the command; every failure becomes one line and an exit code."""
+def exit_code() -> int | str | None:
+    """Run the command, and return what `sys.exit` takes; a failure becomes one line and a code."""
     gc.disable()  # garbage collection while JAX traces costs a tenth of this short process's time
     sys.setswitchinterval(5e-4)  # default 5 ms: other threads would wait while one thread traces
     # matrices are small and `threads` uses the cores: threads of OpenBLAS would wait for each other
@@ -93,19 +93,16 @@ def main() -> None:
             setattr(sys, name, io.StringIO())
         else:
             stream.reconfigure(errors="backslashreplace")
+    code: int | str | None
     try:
         code = _run(sys.argv[1:])
-    except KeyboardInterrupt:
-        print("jaxfric: interrupted; nothing was written", file=sys.stderr)
-        code = 130
     except BrokenPipeError:
         code = 141
     except SystemExit as end:  # rich exits on a broken pipe
         code = 141 if isinstance(end.__context__, BrokenPipeError) else end.code
     if code == 141:
         sys.stdout = None
-    gc.freeze()  # skips the search for reference cycles at exit, which takes half a second
-    sys.exit(code)
+    return code
 
 
 def _run(arguments: list[str]) -> int:
