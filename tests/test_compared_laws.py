@@ -186,6 +186,8 @@ def test_what_cannot_be_compared_is_refused() -> None:
     assert_refused(
         run("fit", "--compare", "run.csv", *STIFFNESS, "--law", "slyp"), "law 'slyp'", "ageing"
     )
+    one = run("fit", "--compare", "run.csv", *STIFFNESS, "--law", "slip")
+    assert_refused(one, "only the slip law to compare", "two or more")
     assert_refused(run("fit", "--compare", "run.csv"), "--stiffness")
     assert_refused(
         run("fit", "--compare", "run.csv", *STIFFNESS, "--to", "15 s"), "no velocity step"

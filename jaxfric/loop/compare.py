@@ -315,15 +315,14 @@ def _of_record(fit: Fit) -> tuple[str, ...]:
 def _models(laws: Sequence[str] | None) -> list[tuple[str, int]]:
     """Laws with their numbers of states, one state first."""
     asked = tuple(dict.fromkeys(map(known_law, rate_state_laws() if laws is None else laws)))
-    pairs = [
+    if len(asked) < 2:
+        raise InputError(f"only the {asked[0] if asked else 'no'} law to compare; give two or more")
+    return [
         (law, always or states)
         for states in (1, 2)
         for law in asked
         if (always := fixed_states(law)) is None or states == 1
     ]
-    if len(pairs) < 2:
-        raise InputError(f"only the {asked[0] if asked else 'no'} law to compare; give two or more")
-    return pairs
 
 
 def _words(law: str, states: int) -> str:
