@@ -200,6 +200,8 @@ def test_from_a_fit_with_samples():
     code, out, err = run("gains", "--from", path, *options, *SAFE, *MACHINE)
     assert code == 0, err
     assert "6 samples of the law" in out and "not checked by simulation" in out
+    wrong = run("gains", "--from", path, *options, *SAFE, *MACHINE, "--confidence", "2")
+    assert_refused(wrong, "confidence is 2")
 
 
 OWN = "A, L are not determined by this record: other values fit it as well"
@@ -256,8 +258,8 @@ def test_what_a_fit_warned_of_goes_through_every_verb():
         (["--margin", ""], ["margin"]),
         (["--samples", "-1"], ["--samples", "Must be >= 0"]),
         (["--samples", "many"], ["--samples", "many"]),
-        (["--confidence", "2"], ["confidence is 2"]),
-        (["--confidence", "0"], ["confidence is 0"]),
+        (["--confidence", "0.9"], ["--confidence would not be used with a law without errors"]),
+        (["--samples", "8", "--seed", "2"], ["--samples and --seed", "a law without errors"]),
         (["--max-kp", "10"], ["--max-kp", "no unit"]),
         (["--max-kp", "-1 N/m"], ["upper limit of k_p", "positive"]),
         (["--min-kp", "5 N/m", "--max-kp", "2 N/m"], ["limits of k_p", "empty range"]),

@@ -8,7 +8,7 @@ from cyclopts import Parameter, validators
 from ..errors import InputError
 from ..stability.margin_table import named_with_units
 from . import options
-from .common import OfMotion, prepare_jax
+from .common import OfMotion, prepare_jax, refuse_unused
 from .options import Text
 from .told import doing
 
@@ -86,6 +86,7 @@ def gains(
     import numpy as np
 
     from ..gains.requirement import Requirement
+    from ..laws.source import without_first
 
     prepare_jax()
     required = Requirement.parse(target.margin or ())
@@ -96,6 +97,8 @@ def gains(
             "--basin and --map rest on simulations without integral action; leave out --integral"
         )
     source = law.source(samples=target.samples, seed=target.seed)
+    if target.samples and without_first(source.samples) is None:
+        refuse_unused("a law without errors", "samples", "confidence", "seed")
     given = OfMotion(source.coordinate, target, velocity=velocity, mass=mass)
     velocities, masses = np.asarray(given.values("--velocity")), given.values("--mass")
     sampled, delay = late.read()
