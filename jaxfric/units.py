@@ -46,6 +46,10 @@ _KNOWN = [*_COMMON, "min", "hour", "nm", "cm", "micron", "MN", "GPa", "Hz", "kHz
 """Units that are proposed in place of a misspelt one."""
 
 
+class WrongDimension(InputError):
+    """The unit of a quantity has another dimension than the expected unit."""
+
+
 def parse_quantity(text: str, si_unit: str, what: str) -> float:
     """Read the value of `text`, such as "2.289 um/s" or "1.6e-3/um", in `si_unit`.
 
@@ -245,10 +249,10 @@ def _unit_factor(unit: str, si_unit: str, what: str) -> float:
         raise _wrong_dimension(unit, si_unit, what) from None
 
 
-def _wrong_dimension(unit: str, si_unit: str, what: str) -> InputError:
+def _wrong_dimension(unit: str, si_unit: str, what: str) -> WrongDimension:
     found = f"'{unit}' is not" if unit else "a pure number is not"
     wanted = "dimensionless" if si_unit == "1" else f"a unit of {si_unit}"
-    return InputError(f"{what}: {found} {wanted}; write it as in '{_example(si_unit)}'")
+    return WrongDimension(f"{what}: {found} {wanted}; write it as in '{_example(si_unit)}'")
 
 
 def _parse(unit: str, what: str = "unit") -> "pint.Quantity":

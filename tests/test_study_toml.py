@@ -315,6 +315,15 @@ def test_functions_that_are_refused(function: str, words: list[str]) -> None:
     assert_refused_after(run("study", "study.toml", "--function", function), *words)
 
 
+@pytest.mark.parametrize("name", ["g", "h"])
+def test_a_quantity_whose_unit_is_not_stated_says_where_to_state_it(name: str) -> None:
+    written(Path("own.py"), FUNCTION)
+    lines = OWN.splitlines(keepends=True)
+    written(Path("study.toml"), "".join(x for x in lines if not x.startswith(f'{name} = "m')))
+    outcome = run("study", "study.toml", "--function", "own.py:drop")
+    assert_refused_after(outcome, f"] {name}: 'm", "state its unit in [units]")
+
+
 def test_the_file_of_a_scheduler() -> None:
     written(Path("study.toml"), GOOD)
     written(Path("s.json"), '{"address": "nonsense://x"}')

@@ -29,7 +29,7 @@ from ..quantity import Quantity
 from ..study import Grid, Output
 from ..study.function import Function, Kind
 from ..study.local import error_text, infer_outputs, outputs_of_shapes
-from ..units import is_unit
+from ..units import WrongDimension, is_unit
 from .axes import read_grid
 from .parameters import number
 from .spec import Spec, StudyPart, dtype_of, parsed, refuse_outputs
@@ -75,11 +75,14 @@ def read_own(path: str | Path, reference: str) -> tuple[Spec, StudyPart]:
         return Quantity(name, units.get(name, "1"), "")
 
     files: dict[str, str] = {}
-    grid = read_grid(content, path, files, about=about)
-    fixed = {
-        name: number(value, units.get(name, "1"), f"{path.name} [rig] {name}")
-        for name, value in table_of(content, "rig", path.name).items()
-    }
+    try:
+        grid = read_grid(content, path, files, about=about)
+        fixed = {
+            name: number(value, units.get(name, "1"), f"{path.name} [rig] {name}")
+            for name, value in table_of(content, "rig", path.name).items()
+        }
+    except WrongDimension as error:
+        raise InputError(f"{error}, or state its unit in [units], as in x = 'm'") from None
     both = [name for name in fixed if name in grid.names]
     if both:
         raise InputError(f"{path.name}: {both[0]} is in [rig] and in [axes]; leave one out")
