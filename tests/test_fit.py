@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from generator import _integrate, random_record
 from public_data import public_record
+from reference import Law, Motion, solve
 
 import jaxfric
 from jaxfric import InputError, VelocitySteps
@@ -229,6 +230,22 @@ def test_bounds_of_a_parameter_are_of_the_size_of_the_record(name, low, high):
     steps = VelocitySteps(np.array([0.0, 46.0]), np.array([1e-6, 1e-5]))
     found = bounds_of(name, t, np.linspace(0.59, 0.61, 91), steps, 1e-4)
     assert found == pytest.approx((low, high), rel=1e-2)
+
+
+def test_a_load_point_that_turns_back_is_fitted():
+    """SciPy's friction, from 0.6 to -0.6, of a press that reverses."""
+    truth = Law("slip", 0.6, 0.01, (0.014,), (20e-6,), regularised=True)
+    times, velocities = (0.0, 30.0, 60.0), (2e-6, 10e-6, -10e-6)
+    t = np.linspace(0.0, 150.0, 300)
+    exact = solve(truth, Motion(times, velocities), 2e3, t)
+    noise = 2e-4 * np.random.default_rng(0).standard_normal(len(t))
+    record = jaxfric.from_arrays(t, exact.f + noise, load_point_displacement=exact.x_m)
+    steps = VelocitySteps(np.array(times), np.array(velocities))
+    fit = jaxfric.fit(record, stiffness=2e3, steps=steps)
+    assert fit.converged and exact.f[-1] < -0.5
+    for name, value in {"A": truth.A, "B": truth.B[0], "L": truth.L[0]}.items():
+        found = fit.parameters[name]
+        assert abs(found.value - value) < 4 * found.std < 0.1 * value
 
 
 def test_a_slip_length_longer_than_the_record_is_no_value():
