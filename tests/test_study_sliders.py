@@ -226,6 +226,10 @@ def test_ends_of_a_study_are_those_of_the_package(ends):
     for name in ("velocity_amplitude", "slip_amplitude", "period", "least_velocity"):
         ratio = found[name].values[cycle] / getattr(expected, name)[cycle]
         np.testing.assert_allclose(ratio, 1.0, atol=0.02, err_msg=name)
+    steady = found.end.values == 0
+    assert np.all(found.velocity_amplitude.values[steady] == 0)
+    assert np.all(found.slip_amplitude.values[steady] == 0)
+    assert np.all((found.least_velocity.values == found.V0.values)[steady])
     assert np.all(np.isinf(found.period.values[~cycle]))
     for ends_of in (found, expected):
         spread = np.asarray(ends_of.period_spread)[cycle] / np.asarray(ends_of.period)[cycle]
@@ -335,6 +339,9 @@ def test_ends_with_mass(tmp_path, monkeypatch):
     assert np.all(found["period_spread"][[1, 3, 4]] < 0.02 * found["period"][[1, 3, 4]])
     assert np.all(np.diff(found["period"][[4, 1, 3]]) > 0)  # a soft spring takes longer
     assert np.isinf(found["period_spread"][0])
+    assert found["velocity_amplitude"][[0, 2]].tolist() == [0, 0]
+    assert found["slip_amplitude"][[0, 2]].tolist() == [0, 0]
+    assert found["least_velocity"][[0, 2]].tolist() == [2e-3, 2e-3]
     for name, values in found.items():
         np.testing.assert_allclose(other[name], values[order], rtol=1e-6)
 

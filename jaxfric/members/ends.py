@@ -44,7 +44,7 @@ _REPEATS, _PART_OF_GROWTH, _IN_A_ROW = 1e-2, 0.2, 6
 
 
 class Ends(NamedTuple):
-    """End state of a slider. Undefined numbers are inf (`least_velocity`: -inf)."""
+    """End state of a slider. Without a cycle the numbers are inf (`least_velocity`: -inf)."""
 
     code: Array
     velocity_amplitude: Float[Array, ""]
@@ -256,7 +256,7 @@ def _code(seen: _SeenEnds, escaped: Array, reached: Array, watch: _Watch) -> Int
 
 
 def _numbers(velocity: Array, seen: _SeenEnds, code: Array) -> Ends:
-    """Return amplitudes, least velocity and period, of the last cycle or of the last half."""
+    """Return amplitudes, least velocity and period of a cycle: the last one, or the last half."""
     cycle = seen.cycle
 
     def chosen(last: _Range, half: _Range) -> _Range:
@@ -266,25 +266,16 @@ def _numbers(velocity: Array, seen: _SeenEnds, code: Array) -> Ends:
     speeds = chosen(cycle.last, seen.speeds)
     springs = chosen(cycle.springs_last, seen.springs)
     low, high = (velocity * jnp.exp(jnp.clip(u, -700.0, 600.0)) for u in speeds)
-    known = (code == LIMIT_CYCLE) | ((code == STEADY) & jnp.isfinite(speeds[0]))
-    at_end = (code == STEADY) & ~known  # steady before the last half, where it was stopped
     periods = chosen(cycle.periods, seen.periods)
     count = jnp.where(cycle.repeats, cycle.agree + 2, seen.rises)
     mean, spread = mean_and_spread(count, seen.first, seen.last, *periods)
     period = jnp.where(cycle.repeats, cycle.period, mean)
 
-    def number(x: Array, otherwise: float, steady: Array | float) -> Array:
-        return jnp.where(known, x, jnp.where(at_end, steady, otherwise))
-
-    return Ends(
-        code,
-        # rounding may exchange the ends of a range of width 0
-        number(jnp.maximum(0.5 * (high - low), 0.0), jnp.inf, 0.0),
-        number(jnp.maximum(0.5 * (springs[1] - springs[0]), 0.0), jnp.inf, 0.0),
-        number(low, -jnp.inf, velocity),
-        jnp.where(code == LIMIT_CYCLE, period, jnp.inf),
-        jnp.where(code == LIMIT_CYCLE, spread, jnp.inf),
-    )
+    numbers = 0.5 * (high - low), 0.5 * (springs[1] - springs[0]), -low, period, spread
+    cycling = code == LIMIT_CYCLE
+    swing, slip, least, period, spread = (jnp.where(cycling, x, jnp.inf) for x in numbers)
+    # rounding may exchange the ends of a range of width 0
+    return Ends(code, jnp.maximum(swing, 0.0), jnp.maximum(slip, 0.0), -least, period, spread)
 
 
 def horizon_of(

@@ -157,7 +157,7 @@ class Motions:
             decay=decay,
             policy=self._policy,
         )
-        return _coded(found._asdict(), found.code)
+        return _coded(found._asdict(), found.code, p["V0"])
 
     @property
     def _policy(self) -> Policy:
@@ -214,7 +214,7 @@ class Motions:
         # an unstable slider cannot slide steadily: its oscillation is still too small
         code = jnp.where((code == streaming.STEADY) & (decay < 0), streaming.FAILED, code)
         code = code.astype(jnp.int8)
-        return _coded({name: getattr(end, name) for name in _NUMBERS}, code), share
+        return _coded({name: getattr(end, name) for name in _NUMBERS}, code, p["V0"]), share
 
     def _trace(self, p: Parameters) -> dict[str, Array]:
         """Return friction and velocity of one member over time."""
@@ -243,8 +243,16 @@ class Motions:
         }
 
 
-def _coded(found: Mapping[str, Array], code: Array) -> dict[str, Array]:
-    """Return outputs of `ENDINGS`; without a known end state the numbers are undefined."""
+def _coded(found: Mapping[str, Array], code: Array, velocity: Array) -> dict[str, Array]:
+    """Return outputs of `ENDINGS`.
+
+    A steady slider moves at `velocity` [m/s], with amplitude 0. What is left of its oscillation
+    depends on when the simulation stopped. Without a known end state the numbers are undefined.
+    """
+    steadily = {"velocity_amplitude": 0.0, "slip_amplitude": 0.0, "least_velocity": velocity}
+    found = {**found} | {
+        name: jnp.where(code == streaming.STEADY, x, found[name]) for name, x in steadily.items()
+    }
     lost = code == streaming.FAILED
     return {name: jnp.where(lost, jnp.nan, found[name]) for name in _NUMBERS} | {"end": code}
 
