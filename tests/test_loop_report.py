@@ -1283,6 +1283,21 @@ def test_errors_of_rival_models_are_told_from_those_of_one(alone, note, widened)
     assert len(table.note) < 120
 
 
+@pytest.mark.parametrize(("misfit", "error"), [(1.2, 0.02), (4.0, 0.08)])
+def test_errors_grow_by_a_misfit_that_noise_does_not_explain(misfit, error) -> None:
+    """The errors of least squares are in proportion to the scatter of the rows: 0.02 N at 1 sigma.
+    Rows scatter by 4 sigma, and noise alone gives up to 1.3."""
+    loop = in_axis_words(make_loop("outside_catalogue"))
+    rms = {**loop.after.rms, "report": misfit * loop.sigma_of(loop.blocks.report)}
+    parameters = {"F_c": _estimate(2.0, 0.02, "N"), "F_v": _estimate(3.0, 0.02, "N s/m")}
+    model = dataclasses.replace(loop.after, parameters=parameters, rms=rms)
+    answer = first_lines(
+        dataclasses.replace(loop, after=model, before=model, held_out_threshold=1.3)
+    )[0]
+    assert f"Coulomb 2.00({round(100 * error)}) N, " in answer
+    assert ("for its misfit" in answer) == (misfit == 4.0)
+
+
 def test_an_axis_says_first_why_something_is_missing() -> None:
     """The structure, and the block of the largest error over that of noise: it may decide alone."""
     loop = in_axis_words(make_loop("effects"))

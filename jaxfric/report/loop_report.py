@@ -1,6 +1,7 @@
 """Report a closed loop: the missing effect, the friction of the final model, and its meaning."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -233,16 +234,23 @@ def _unexplained(loop: Loop, model: Score) -> bool:
 
 
 def _base_of(loop: Loop, model: Score) -> str:
-    """Coulomb and viscous friction and the mass of an axis by a model, with errors."""
+    """Coulomb and viscous friction and the mass of an axis by a model, with errors that include
+    the misfit of the model and its rivals: the larger of the two."""
     mass = "inertia" if length_of(loop.record) == "rad" else "mass"
     names = dict(zip(FRICTION, ("Coulomb", "viscous", mass), strict=True))
-    known, alone = model.parameters, _alone(loop) if model is loop.after else {}
-    return ", ".join(
-        f"{name} {with_error(known[symbol], length_of(loop.record))}"
-        f"{_falls(known[symbol], alone.get(symbol)) if symbol == 'F_v' else ''}"
-        for symbol, name in names.items()
-        if symbol in known
-    )
+    alone, misfit = _alone(loop) if model is loop.after else {}, loop.misfit(model)
+    told, wider = [], False
+    for symbol, name in names.items():
+        if symbol not in model.parameters:
+            continue
+        known = model.parameters[symbol]
+        own = misfit * alone.get(symbol, known.std)
+        wider |= known.determined and own > known.std
+        known = replace(known, std=max(known.std, own))
+        falls = _falls(known, own if symbol in alone else None) if symbol == "F_v" else ""
+        told.append(f"{name} {with_error(known, length_of(loop.record))}{falls}")
+    note = f" (errors times {misfit:.1f}, for its misfit)" if wider else ""
+    return ", ".join(told) + note
 
 
 def _falls(viscous: Estimate, alone: float | None) -> str:
