@@ -20,6 +20,7 @@ from jaxfric.gains.scenarios import Scenarios
 from jaxfric.gains.settle import Policy, end_state
 from jaxfric.gains.verify import STARTS, jump_sizes, standard_starts, verify
 from jaxfric.simulation import jump_start, rest_start, step_start
+from jaxfric.stability.margins import poles
 
 V0 = UM
 A, B, L = 0.010, 0.015, 10 * UM
@@ -304,6 +305,43 @@ def test_stick_slip_disappears_with_stiffness_and_with_damping():
     ends = jax.jit(jax.vmap(jax.vmap(end, (None, 0)), (0, None)))(k_p, k_v)
     steady = each(ends, ENDS.steady)
     assert not steady[0, 0] and steady[2, 0] and steady[:, 1].all()
+
+
+def settling(k_p, k_v, mass, V):
+    """Name of the end after a step of the command up by 1.334, and the poles; slip law."""
+    rig = jf.Rig(jf.Inertial(mass, k_p, k_v), jf.RateState(10.0, 1.0, [3.0], [1e-3], 2e-3))
+    s = np.asarray(poles(jf.linearise(rig, V)))
+    horizon = 30 * 2 * np.pi / np.min(np.abs(s))
+    end = end_state(rig, V, step_start(rig, V, 1.334), horizon=horizon, decay=-np.max(s.real))
+    return name_of(end.code), s
+
+
+def test_a_lightly_damped_slider_settles_though_it_uses_up_its_steps():
+    """300 cycles until exp(-8) take more than 4096 steps; SciPy follows the step to its end."""
+    k_p, k_v, mass, V = 14286.0, 107.01, 300.0, 7.4989e-3
+    end, s = settling(k_p, k_v, mass, V)
+
+    def rate(t, y):  # spring force, ln(v/V), state of the slip law in N
+        v = V * np.exp(y[1])
+        u = y[1] + np.log(V / 2e-3)
+        net = y[0] + k_v * (V - v) - 10.0 - u - y[2]
+        return [k_p * (V - v), net / (mass * v), -v / 1e-3 * (y[2] + 3.0 * u)]
+
+    u = np.log(V / 1.334 / 2e-3)
+    start = [10.0 - 2.0 * u, -np.log(1.334), -3.0 * u]
+    ts = np.linspace(0.0, 300.0, 30001)
+    found = solve_ivp(rate, (0.0, 300.0), start, "DOP853", ts, rtol=1e-9, atol=1e-11)
+    late = [np.ptp(found.y[1][(ts >= t) & (ts <= t + 30.0)]) for t in (0.0, 135.0, 270.0)]
+    decay = -np.max(s.real)
+    assert decay < 0.004 * np.max(np.abs(s.imag))
+    assert np.log(late[1] / late[2]) == pytest.approx(135.0 * decay, rel=0.02) and late[2] < 1e-2
+    assert end == "steady"
+
+
+def test_a_decay_too_slow_to_be_seen_is_unresolved():
+    end, s = settling(2.3309e6, 7.7055, 300.0, 0.1)
+    assert 0 < -np.max(s.real) < 2e-5 * np.max(np.abs(s.imag))
+    assert end == "unresolved"
 
 
 LARGEST = 30.0

@@ -13,7 +13,7 @@ from ..motion import PiecewiseVelocity
 from ..rig import Rig
 from ..simulation import RESULTS, InitialState, simulate
 from .ends import ENDS, EndState, Track, classify
-from .thresholds import FOLDS, RUNAWAY, SPREAD, STRETCH
+from .thresholds import FOLDS, LEAST_DECAY, RUNAWAY, SPREAD, STRETCH
 
 
 class Policy(eqx.Module):
@@ -23,11 +23,14 @@ class Policy(eqx.Module):
         1e-4 numerical damping of a small oscillation is 0.4 % of its frequency.
     runaway : escape means a velocity `runaway` times the commanded one. Ordinary slips of a light
         slider reach 1e6 times the commanded velocity.
+    partial : judge a motion that takes more than `max_steps` by its first part. The part must be as
+        long as the horizon before the horizon is stretched, and long enough to show the decay.
     """
 
     rtol: float = eqx.field(static=True, default=1e-5)
     max_steps: int = eqx.field(static=True, default=4096)
     runaway: float = eqx.field(static=True, default=RUNAWAY)
+    partial: bool = eqx.field(static=True, default=True)
 
 
 STANDARD = Policy()
@@ -70,7 +73,8 @@ def end_and_share(
     """Return the `end_state`, and the simulated share of the requested time."""
     V = jnp.asarray(velocity, jnp.result_type(float))
     rate = jnp.asarray(0.0 if decay is None else decay, V.dtype)
-    horizon = stretched(jnp.asarray(horizon, V.dtype), rate)
+    least = jnp.asarray(horizon, V.dtype)
+    horizon = stretched(least, rate)
     lead = jnp.zeros_like(V)
     if start is not None and start.elongation is not None:
         lead = jnp.abs(start.elongation / V)
@@ -88,9 +92,16 @@ def end_and_share(
     velocity, slip = (jnp.where(finite, x, 0.0) for x in (found.velocity, found.slip))
     rate = jnp.where(jnp.isfinite(rate) & (rate > 0), rate, jnp.inf)
     track = Track(found.time, velocity, slip - V * found.time)
-    end = classify(track, V, begin=lead, end=lead + horizon, decay=rate)
+    whole = found.result == RESULTS.successful
+    # a lightly damped slider may need more steps to decay to exp(-8), but fewer show its decay
+    part = found.time[-1] - lead
+    enough = (part >= least) & (rate * part / 4 >= LEAST_DECAY)
+    enough &= policy.partial & (found.result == RESULTS.max_steps_reached)
+    end = classify(
+        track, V, begin=lead, end=jnp.where(enough, found.time[-1], lead + horizon), decay=rate
+    )
     escaped = ~finite | (found.result == RESULTS.ran_away)
-    fault = escaped | (found.result != RESULTS.successful)
+    fault = escaped | ~(whole | enough)
     end = end.unless(fault, ENDS.where(escaped, ENDS.escape, ENDS.unresolved))
     return end, found.time[-1] / (lead + horizon)
 

@@ -97,6 +97,9 @@ MAX_STEPS = 16384
 """Largest number of solver steps of one simulated motion."""
 ROWS = 2000
 """Even samples of a simulated motion, besides the solver's own steps."""
+LEAST_DECAY = 0.1
+"""Decay rate times window of a motion that the number of solver steps cuts short: a smaller product
+is not judged. Solver steps show the amplitude of a window to about 1 %."""
 LONGER, TRIES = 4.0, 4
 """Factor by which an unresolved default duration is stretched, and the largest number of tries."""
 DISTURBANCE = 0.02

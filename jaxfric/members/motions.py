@@ -161,7 +161,7 @@ class Motions:
 
     @property
     def _policy(self) -> Policy:
-        return Policy(10 * self.rtol, self.max_steps, RUNAWAY)
+        return Policy(10 * self.rtol, self.max_steps, RUNAWAY, partial=False)
 
     def _general(self, p: Parameters) -> dict[str, Array]:
         """Return the outputs with the general solver.
