@@ -83,6 +83,8 @@ class WarningCode(StrEnum):
     """Gains that were raised miss a margin; values: by, as a share of it."""
     UNRESOLVED = "simulations_unresolved"
     """More than half of the simulated starts end unresolved; values: unresolved, checked."""
+    UNRESOLVED_STEPS = "steps_unresolved"
+    """Unresolved simulations of steps between set points; values: unresolved, steps."""
     UNEVEN = "rows_at_uneven_times"
     """Values: least, most and middle time between rows, share that differs."""
     UNEXPLAINED = "motion_does_not_answer_to_the_force"

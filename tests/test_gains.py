@@ -4,6 +4,7 @@ import json
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -569,7 +570,7 @@ def test_a_schedule_chains_and_a_broken_one_says_where(monkeypatch):
 
     def narrow(scenarios, gains, *, largest):
         sizes = np.full(len(scenarios), 1.1)
-        return JumpSizes(sizes, sizes, ["limit_cycle"])
+        return JumpSizes(sizes, sizes, ["limit_cycle"], ["limit_cycle"])
 
     monkeypatch.setattr(sys.modules["jaxfric.gains.set_points"], "jump_sizes", narrow)
     broken = gain_schedule(
@@ -580,6 +581,26 @@ def test_a_schedule_chains_and_a_broken_one_says_where(monkeypatch):
         gain_schedule(source, velocity=(3e-3, 2e-3), mass=0.5, margin=marginal)
     with pytest.raises(InputError, match="ratio > finest > 1"):
         gain_schedule(source, velocity=(2e-3, 3e-3), mass=0.5, margin=marginal, ratio=1.1)
+
+
+@pytest.mark.parametrize(
+    ("ends", "covered", "number", "counts"),
+    [
+        (("unresolved", "unresolved"), None, 3, [{"unresolved": 2, "steps": 2}]),
+        (("unresolved", "limit_cycle"), False, 9, []),
+        (("escape", "unresolved"), False, 9, []),
+    ],
+)
+def test_an_unresolved_step_is_no_break(monkeypatch, ends, covered, number, counts):
+    """Set points are inserted, to a factor 1.78, only where a simulation ends outside the basin."""
+    module = sys.modules["jaxfric.gains.set_points"]
+    sizes = JumpSizes(np.full(1, 1.1), np.full(1, 1.1), *([end] for end in ends))
+    monkeypatch.setattr(module, "jump_sizes", lambda *_, **__: sizes)
+    monkeypatch.setattr(module, "find_gains", lambda *_, **__: SimpleNamespace(kp=1.0, kv=1.0))
+    chain = gain_schedule(golden_source(), velocity=(1e-3, 1e-1), mass=0.5, ratio=10.0, finest=1.5)
+    assert chain.covered is covered and len(chain.points) == number
+    assert (chain.gap is None) is (covered is None)
+    assert [warning.values for warning in chain.warnings] == counts
 
 
 @pytest.mark.parametrize(

@@ -91,7 +91,10 @@ def axis_record():
 
 
 def schedule():
-    points = SetPoint(1e-6, 3e3, 0.5, 2.0, 2.5), SetPoint(3e-6, 3e3, 0.7, 2.0, 2.5)
+    points = (
+        SetPoint(1e-6, 3e3, 0.5, 2.0, 2.5, "escape", "limit_cycle"),
+        SetPoint(3e-6, 3e3, 0.7, 2.0, 2.5, "escape", "steady"),
+    )
     return Schedule(points, False, (1e-6, 3e-6), ("the law is a guess",))
 
 

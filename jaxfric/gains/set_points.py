@@ -6,6 +6,7 @@ from which the simulated slider settles at the set point (`verify.jump_sizes`). 
 points is complete if every step from one set point to the next, up and down, is inside a basin.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from jaxtyping import ArrayLike
 from ..coordinate import Coordinate
 from ..described import Described, Tabular
 from ..errors import InputError
+from ..findings import WarningCode, warned
 from ..laws import LawSource
 from ..laws.registry import Law
 from ..saved.law import Result, law_source
@@ -38,6 +40,11 @@ class SetPoint:
     """The slider settles from velocity/r for every r up to this."""
     down: float
     """The slider settles from velocity r for every r up to this."""
+    up_lost: str
+    """How the first larger jump up ends: "limit_cycle", "escape" or "unresolved"; "steady" if all
+    settle. `up` is then the largest r tried: 10, or 4 times the larger step to a neighbour."""
+    down_lost: str
+    """The same for jumps down."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,12 +52,13 @@ class Schedule(Described, Tabular):
     """A chain of set points from the slowest to the fastest."""
 
     points: tuple[SetPoint, ...]
-    covered: bool
-    """Whether every step of the chain is inside the basin at its end, up and down."""
+    covered: bool | None
+    """Whether every step of the chain is inside the basin at its end, up and down; None if
+    unresolved simulations leave this open (a warning counts the steps)."""
     gap: tuple[float, float] | None
     """The first two velocities between which the chain breaks [m/s]."""
     warnings: tuple[str, ...] = ()
-    """Warnings of the law, and one for velocities beyond its record."""
+    """Warnings of the law, one for velocities beyond its record, and one for unresolved steps."""
     coordinate: Coordinate = "linear"
     """Whether the numbers are linear (m and N) or rotary (rad and N m)."""
 
@@ -80,8 +88,8 @@ def gain_schedule(
     point have the required margins half-way to the neighbouring set points. The required margins
     hold in every sample of the law and for every mass. If a step to a neighbour is outside the
     basin, a set point is inserted between the two. No set point is inserted if two set points would
-    then differ by less than a factor `finest`. Simulations use the law's estimate and the largest
-    mass.
+    then differ by less than a factor `finest`, or because a simulation is unresolved. Simulations
+    use the law's estimate and the largest mass.
 
     `law` is as in `find_gains`; for a friction coefficient pass `law_from_fit(fit,
     normal_force=500)`.
@@ -111,20 +119,28 @@ def gain_schedule(
                 tell(f"set point {V:.3g} m/s")
                 known[key] = _set_point(law, V, math.sqrt(step), mass, margin)
             points.append(known[key])
-        broken = [i for i in range(len(places) - 1) if not _chained(points[i], points[i + 1])]
+        chained = [_chained(slow, fast) for slow, fast in itertools.pairwise(points)]
+        broken = [i for i, inside in enumerate(chained) if inside is False]
         fine = [i for i in broken if places[i + 1] / places[i] < finest**2]
         if not broken or fine or len(places) + len(broken) > MOST_SET_POINTS:
             gap = None if not broken else (places[broken[0]], places[broken[0] + 1])
             warnings = (*law.warnings, *law.unseen([low, high]))
-            coordinate = law.coordinate or "linear"
-            return Schedule(tuple(points), not broken, gap, warnings, coordinate)
+            unknown = chained.count(None)
+            if unknown:
+                count = {"unresolved": unknown, "steps": len(chained)}
+                warnings += (warned(WarningCode.UNRESOLVED_STEPS, **count),)
+            covered = False if broken else None if unknown else True
+            return Schedule(tuple(points), covered, gap, warnings, law.coordinate or "linear")
         for i in reversed(broken):
             places.insert(i + 1, math.sqrt(places[i] * places[i + 1]))
 
 
-def _chained(slow: SetPoint, fast: SetPoint) -> bool:
+def _chained(slow: SetPoint, fast: SetPoint) -> bool | None:
+    """Whether both steps are inside the basins; None if unresolved simulations leave it open."""
     step = fast.velocity / slow.velocity
-    return fast.up >= step and slow.down >= step
+    sides = ((fast.up, fast.up_lost), (slow.down, slow.down_lost))
+    lost = {end for size, end in sides if size < step}
+    return None if lost == {"unresolved"} else not lost
 
 
 def _set_point(
@@ -141,4 +157,5 @@ def _set_point(
     gains = np.asarray([found.kp, found.kv])
     largest = max(10.0, 4 * reach**2)
     sizes = jump_sizes(here, gains, largest=largest)
-    return SetPoint(V, found.kp, found.kv, float(sizes.up[0]), float(sizes.down[0]))
+    up, down = float(sizes.up[0]), float(sizes.down[0])
+    return SetPoint(V, found.kp, found.kv, up, down, sizes.up_lost[0], sizes.down_lost[0])

@@ -87,13 +87,14 @@ def verify(
             told = [float(x) if np.isfinite(x) and end == "limit_cycle" else None for x in of]
             rows.append(CheckedStart(scenarios.describe(i), STARTS[j], str(end), *told))
     sizes = jump_sizes(scenarios, gains, largest=largest)
-    smaller = np.minimum(sizes.up, sizes.down)
-    least = int(np.argmin(smaller))
+    least = int(np.argmin(np.minimum(sizes.up, sizes.down)))
+    up, down = float(sizes.up[least]), float(sizes.down[least])
+    lost = (sizes.up_lost if up <= down else sizes.down_lost)[least]
     return CheckReport(
         len(rows),
         *(sum(row.end == name for row in rows) for name in _NAMES),
-        float(smaller[least]),
-        None if sizes.lost[least] == "steady" else sizes.lost[least],
+        min(up, down),
+        None if lost == "steady" else lost,
         tuple(rows),
     )
 
@@ -108,8 +109,10 @@ class JumpSizes(NamedTuple):
     """The slider settles after the command steps up from velocity/r, for every r up to this."""
     down: np.ndarray
     """The slider settles after the command steps down from velocity r, for every r up to this."""
-    lost: list[str]
-    """How the first larger jump ends; "steady" if all settle."""
+    up_lost: list[str]
+    """How the first larger jump up ends; "steady" if all up to `largest` settle."""
+    down_lost: list[str]
+    """The same for jumps down."""
 
 
 def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0) -> JumpSizes:
@@ -141,8 +144,7 @@ def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0
             break
         step = np.where(np.isinf(high), 0.0, high - low) / (FACTORS + 1)
     up, down = np.exp(low)
-    reason = np.where(high[0] <= high[1], ends[0], ends[1])
-    return JumpSizes(up, down, list(reason))
+    return JumpSizes(up, down, list(ends[0]), list(ends[1]))
 
 
 def simulated(

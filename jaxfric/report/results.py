@@ -66,9 +66,15 @@ def schedule(schedule: "Schedule") -> Report:
     units = [unit_of(unit, schedule.coordinate) for unit in ("m/s", "N/m", "N s/m")]
     pairs = zip(("velocity", "k_p", "k_v"), units, strict=True)
     head = (*(f"{name} [{unit}]" for name, unit in pairs), "jump up", "jump down")
-    rows = [tuple(f"{x:.4g}" for x in dataclasses.astuple(point)) for point in schedule.points]
+    rows = []
+    for point in schedule.points:
+        *numbers, up_lost, down_lost = dataclasses.astuple(point)
+        more = ("", "", "", *(" or more" * (lost == "steady") for lost in (up_lost, down_lost)))
+        rows.append(tuple(f"{x:.4g}{after}" for x, after in zip(numbers, more, strict=True)))
     note = "jump: factor by which velocity may change at once for the slider to settle here"
-    slow, fast, chained = rows[0][0], rows[-1][0], "chained" if schedule.covered else "not chained"
+    slow, fast = rows[0][0], rows[-1][0]
+    chained = {True: "chained", False: "not chained", None: "not known to be chained"}
+    chained = chained[schedule.covered]
     if schedule.gap is not None:
         chained = "broken between {:.3g} and {:.3g} {}".format(*schedule.gap, units[0])
     told = f"{len(rows)} set points, {slow} to {fast} {units[0]}; {chained}"

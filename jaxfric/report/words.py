@@ -196,6 +196,9 @@ WARNINGS: Mapping[str, str] = {
     "simulations_unresolved": "{unresolved} of {checked} simulated starts end unresolved: the"
     " simulation stopped before they settled. They are not counted: look at one with 'jaxfric"
     " simulate'",
+    "steps_unresolved": "{unresolved} of {steps} steps between set points end unresolved: the"
+    " simulation stopped before it was clear whether the slider settles there. Raise the margin, so"
+    " that it settles sooner",
     "delay_law_not_simulated": "gains under a delay law are not simulated",
     "integral_not_simulated": "gains with integral action are not simulated in motion",
     "any_stiffness_not_simulated": "not simulated: k_p means any positive stiffness; give a lower"
