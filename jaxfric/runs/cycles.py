@@ -137,13 +137,8 @@ def preferred(fits: Mapping[str, RiseFit], doubts: Mapping[str, str]) -> str | N
 def drop_by_velocity(found: StickSlip) -> WeightedLine | None:
     """Return the weighted line of the drop over log10 of velocity [m/s]; None for fewer than three
     intervals, or velocities within a factor of two."""
-    known = [(one.velocity, one.drops.mean(), _error(one.drops)) for one in found.used]
+    known = [(one.velocity, *one.drop) for one in found.used]
     return line_over_decades(*np.array(known).T) if known else None
-
-
-def _error(values: np.ndarray) -> float:
-    """Return the standard error of a mean."""
-    return float(np.std(values, ddof=1) / np.sqrt(len(values)))
 
 
 def disagreement(found: StickSlip | None, given: MachineStiffness | None) -> str | None:
@@ -247,8 +242,9 @@ def told(found: StickSlip | None) -> list[str]:
         if one.why:
             lines.append(f"{line}not used, {one.why}")
             continue
-        drop, error = float(one.drops.mean()), _error(one.drops)
-        every = measured(float(one.periods.mean()), _error(one.periods))
+        drop, error = one.drop
+        spread = float(np.std(one.periods, ddof=1) / np.sqrt(one.count))
+        every = measured(float(one.periods.mean()), spread)
         line += f"{one.count} teeth, drop {measured(drop, error)}{force} every {every} s"
         if one.resolved:
             line += (

@@ -31,15 +31,14 @@ from ..units import measured
 from .events import Event
 from .fits import HowFitted
 from .left_out import SAME, joints_of, why_left_out
+from .peaks import FEWEST, peak_of
 from .reasons import RunReason
 from .table import Cell, rounded, short
 from .weighted import WeightedLine, line_over_decades
 
 LAWS = ("slip", "ageing")
-_LEVEL, _FEWEST = 0.1, 5
-"""Share of the window before a hold whose median is the level; least rows of a level or a peak."""
-_TOP, _SCATTERS = 0.15, 4.0
-"""A peak is the rows at most `_TOP` of its height, or `_SCATTERS` scatters, below its top."""
+_LEVEL = 0.1
+"""Share of the window before a hold whose median is the level."""
 _LATE = 0.2
 """Largest time from the last row of a hold to its end, over its duration."""
 _STRONG = 3.0
@@ -196,7 +195,7 @@ def missing_motion(
     if u is None or not stiffness:
         return 0.0
     # the hold may have no rows
-    on = max(int(np.searchsorted(part.relative_time, hold)) - _FEWEST, 0)
+    on = max(int(np.searchsorted(part.relative_time, hold)) - FEWEST, 0)
     f, pulled = part.friction[on:], stiffness * u[on:]
     rest = f - pulled
     lowest = np.minimum.accumulate(rest)
@@ -247,50 +246,22 @@ def _heal(
     rows, or if the normal stress changes."""
     t, f = part.relative_time, part.friction
     before, held, after = t < hold, (t >= hold) & (t < back), t >= back
-    if min(before.sum(), after.sum()) < 2 * _FEWEST:
+    if min(before.sum(), after.sum()) < 2 * FEWEST:
         return None
     if not is_constant(part.normal_stress, 8):
         return None
-    steady = f[before][-max(int(_LEVEL * before.sum()), _FEWEST) :]
+    steady = f[before][-max(int(_LEVEL * before.sum()), FEWEST) :]
     level, white = float(np.median(steady)), noise_from_differences(f)
     # noise of long memory is the same in all rows of a level, and another at the peak
     slow = max(float(np.var(f[before][before.sum() // 2 :])) - white**2, 0.0)
-    peak, error = _peak(t[after], f[after], level, white)
-    error = float(np.sqrt(error**2 + np.pi / 2 * white**2 / len(steady) + 2 * slow))
+    peak = peak_of(t[after], f[after], level, white)
+    error = float(np.sqrt(peak.error**2 + np.pi / 2 * white**2 / len(steady) + 2 * slow))
     creep = None
     late = held & (t > back - _LATE * (back - hold))
-    if late.any() and held.sum() >= _FEWEST:
-        last = np.flatnonzero(held)[-max(int(late.sum()), _FEWEST) :]
+    if late.any() and held.sum() >= FEWEST:
+        last = np.flatnonzero(held)[-max(int(late.sum()), FEWEST) :]
         creep = level - float(np.polyval(np.polyfit(t[last] - back, f[last], 1), 0.0))
-    return creep, peak - level, error, float(np.std(steady))
-
-
-def _peak(t: np.ndarray, f: np.ndarray, level: float, white: float) -> tuple[float, float]:
-    """Return the maximum of friction after a reload, and its error.
-
-    It is the maximum of a cubic in time through the rows near the peak. A mean would flatten the
-    peak, and the largest row is high by noise. The error is that of noise `white`, and the change
-    of the maximum from a cubic to a quartic beyond noise.
-    """
-    means = np.convolve(f, np.full(3, 1 / 3), mode="valid")
-    top = int(np.argmax(means))
-    low = means < means[top] - max(_TOP * (means[top] - level), _SCATTERS * white)
-    first = top - int(np.argmax(np.append(low[top::-1], True))) + 2
-    last = top + int(np.argmax(np.append(low[top:], True)))
-    missing = max(_FEWEST - (last - first + 1), 0)
-    first = max(min(first - missing // 2, len(f) - _FEWEST), 0)
-    rows = slice(first, max(last + 1, first + _FEWEST))
-    x = (t[rows] - t[top + 1]) / (t[rows][-1] - t[rows][0])
-    tops, variances = [], []
-    for order in (3, 4):
-        p = np.polyfit(x, f[rows], order)
-        at = np.linspace(x[0], x[-1], 401)
-        at = at[[np.argmax(np.polyval(p, at))]]
-        gain = np.vander(at, order + 1) @ np.linalg.pinv(np.vander(x, order + 1))
-        tops.append(float(np.polyval(p, at)[0]))
-        variances.append(white**2 * float((gain**2).sum()))
-    beyond = (tops[1] - tops[0]) ** 2 - (variances[1] - variances[0])
-    return tops[0], float(np.sqrt(variances[0] + max(beyond, 0.0)))
+    return creep, peak.value - level, error, float(np.std(steady))
 
 
 def log_likelihood(found: Fit) -> float:

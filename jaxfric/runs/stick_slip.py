@@ -4,7 +4,8 @@ During stick the spring is loaded at the rate K V, and near the peak the slider 
 rises of friction from foot to tip, at several velocities, determine K, A, B and L (`rise_model`).
 Every rise is divided into parts of time, and friction is averaged over each part. The means over
 parts do not depend on the sampling rate; extremes of noise depend on this rate. A drop is the
-difference between the highest and the lowest row.
+difference between the maximum of friction before a slip and the minimum after it. Each is that of a
+cubic through the rows nearby (`peaks`): the highest row is high by noise, and the lowest is low.
 """
 
 from collections.abc import Sequence
@@ -16,8 +17,10 @@ import numpy as np
 
 from ..findings import warned
 from ..records import Record
+from ..records.differences import noise_from_differences
 from ..records.teeth import find_teeth, turns_from_foot
 from .events import Event
+from .peaks import SCATTERS, peak_of
 from .reasons import RunReason
 
 EDGES = np.array([0.04, 0.12, 0.22, 0.32, 0.42, 0.52, 0.62, 0.72, 0.80, 0.87, 0.93, 0.97, 1.0])
@@ -45,6 +48,8 @@ oscillation."""
 _NEAR = 0.2
 """A rise begins and ends within this distance, in drops, of foot and tip: extremes of noise lie
 some rows away from the drop, and friction falls for a while before a slip."""
+_MISSED = 2.0
+"""What cubics miss at foot and tip of simulated teeth, over their difference from quartics."""
 _NARROW = 1e-6
 """A part narrower than this share of the rise has a single value."""
 _RESOLVED = 3.0
@@ -57,8 +62,8 @@ class Rises:
 
     `means` (teeth, parts): friction in the parts of a rise (`EDGES`); `lasts` (teeth,): duration of
     the rise [s]; `drops`, `periods` (teeth,): drop of friction, time between drops [s]; `row` the
-    time between rows [s]; `fall` the duration [s] of a linear drop. `why` is the reason if the
-    interval cannot be used.
+    time between rows [s]; `fall` the duration [s] of a linear drop. `shape` is the mean change of a
+    drop from cubics to quartics. `why` is the reason if the interval cannot be used.
     """
 
     start: float
@@ -71,12 +76,19 @@ class Rises:
     periods: np.ndarray
     row: float = 0.0
     fall: float = 0.0
+    shape: float = 0.0
     why: str = ""
 
     @property
     def count(self) -> int:
         """Number of teeth."""
         return len(self.lasts)
+
+    @property
+    def drop(self) -> tuple[float, float]:
+        """Mean drop, and its standard error: from the scatter of the drops, and from `shape`."""
+        scatter = np.std(self.drops, ddof=1) / np.sqrt(self.count)
+        return float(self.drops.mean()), float(np.hypot(scatter, _MISSED * self.shape))
 
     @property
     def loading(self) -> np.ndarray:
@@ -109,8 +121,9 @@ def straight(rises: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 class _Tooth(NamedTuple):
     """Rows of a tooth: the highest and the lowest of the drop before it, and the start and the end
-    of its rise; `before` is the end of the previous rise."""
+    of its rise; `start` and `before` are the start and the end of the previous rise."""
 
+    start: int
     high: int
     low: int
     before: int
@@ -146,7 +159,8 @@ def _rises(record: Record, event: Event) -> Rises:
         return without(RunReason.FEW_TEETH, teeth=len(found), first=_FIRST, needed=_FEWEST)
     if np.median([tooth.tip - tooth.foot for tooth in found]) < _ROWS:
         return without(RunReason.SHORT_RISE, needed=_ROWS)
-    drops = np.array([friction[k.high] - friction[k.low] for k in found])
+    white = noise_from_differences(friction)
+    drops, beyond = np.array([_drop(time, friction, tooth, white) for tooth in found]).T
     periods = np.array([time[k.tip] - time[k.before] for k in found])
     heights = np.array([friction[k.tip] - friction[k.foot] for k in found])
     kept = _usual(drops) & _usual(heights) & _usual(periods)
@@ -173,6 +187,7 @@ def _rises(record: Record, event: Event) -> Rises:
         periods[kept],
         float(np.median(np.diff(time))),
         float(between) / (_HIGH - _LOW),
+        float(beyond[kept].mean()),
     )
 
 
@@ -182,18 +197,33 @@ def _teeth(time: np.ndarray, friction: np.ndarray) -> list[_Tooth]:
     if not stretches:
         return []
     rows = turns_from_foot(friction, _TURN * float(np.median([one.drop for one in stretches])))
-    falls = [_edges(friction, a, b) for a, b in zip(rows[1::2], rows[2::2], strict=False)]
-    turned = list(zip(rows[1::2], rows[2::2], falls, strict=False))
+    turned = [
+        (int(start), int(high), int(low), _edges(friction, high, low))
+        for start, high, low in zip(rows[0::2], rows[1::2], rows[2::2], strict=False)
+    ]
     return [
-        _Tooth(int(high), int(low), before, foot, tip)
-        for (high, low, (before, foot)), (_, _, (tip, _)) in pairwise(turned[_FIRST - 1 :])
+        _Tooth(start, high, low, before, foot, tip)
+        for (start, high, low, (before, foot)), (*_, (tip, _)) in pairwise(turned[_FIRST - 1 :])
     ]
 
 
-def _edges(friction: np.ndarray, tip: int, foot: int) -> tuple[int, int]:
-    """Return the last row near a tip, and the first row near the foot after it."""
+def _drop(
+    time: np.ndarray, friction: np.ndarray, tooth: _Tooth, white: float
+) -> tuple[float, float]:
+    """Return the drop before a tooth, and its change from cubics to quartics."""
+    last, first = _edges(friction, tooth.high, tooth.low, SCATTERS * white)
+    high, low = float(friction[tooth.high]), float(friction[tooth.low])
+    rise, after = slice(tooth.start, last + 1), slice(first, tooth.tip + 1)
+    tip = peak_of(time[rise], friction[rise], low, white)
+    foot = peak_of(time[after], -friction[after], -high, white)
+    return tip.value + foot.value, tip.beyond + foot.beyond
+
+
+def _edges(friction: np.ndarray, tip: int, foot: int, within: float = np.inf) -> tuple[int, int]:
+    """Return the last row near a tip, and the first row near the foot after it, `within` a distance
+    of friction at most."""
     f = friction[tip : foot + 1]
-    near = _NEAR * (f[0] - f[-1])
+    near = min(_NEAR * (f[0] - f[-1]), within)
     half = int(np.flatnonzero(f > 0.5 * (f[0] + f[-1]))[-1])
     last = int(np.flatnonzero(f[: half + 1] >= f[0] - near)[-1])
     first = half + 1 + int(np.argmax(f[half + 1 :] <= f[-1] + near))
