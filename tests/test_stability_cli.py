@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from command import Outcome, assert_refused, run, written
 from matplotlib.image import imread
+from scipy.integrate import solve_ivp
 
 import jaxfric
 from jaxfric.gains.cycle_map import CycleMap
@@ -229,6 +230,24 @@ def test_the_course_is_told_by_values() -> None:
     assert f"period {course['cycle']['period']:.5g} s" in next(x for x in lines if "end: " in x)
     again = json.loads(run("simulate", *at, "--duration", "1 ms", "--json", "--out", "t").out)
     assert again["course"]["end"] == "unresolved" and again["course"]["cycle"] is None
+
+
+def test_steps_tell_the_largest_velocity() -> None:
+    """A massless slider above critical stiffness slips at 35 m/s and comes back, as in SciPy."""
+    A, B, kL = 4.5, 5.123459052294493, 251188.6431509582 * 3e-6
+
+    def rate(_, y):
+        state = -np.exp(y[0]) * (y[1] + B * y[0])
+        return [(kL * (1 - np.exp(y[0])) - state) / A, state]
+
+    u = -np.log(10.0)
+    exact = solve_ivp(rate, (0, 40), [u, -B * u], "LSODA", rtol=1e-10, atol=1e-12).y[0]
+    law = ("--law", "slip", "--parameters", f"A={A} N, B={B} N, L=3 um, V0=1 um/s")
+    steps = ("--steps", "0 s: 0.1 um/s, 5 s: 1 um/s")
+    code, out, _ = run("simulate", *law, "--kp", f"{kL / 3e-6} N/m", *steps, "--out", "o")
+    assert code == 0 and out.startswith("simulated: ")
+    fastest = float(re.search(r"velocity [\d.]+ to ([\d.e+]+) um/s", out)[1])
+    assert fastest == pytest.approx(np.exp(exact.max()), rel=0.02)
 
 
 @pytest.mark.long

@@ -147,7 +147,7 @@ def test_the_step_and_an_escape_are_told(ratio: str, words: str) -> None:
     code, out, err = run("study", "study.toml")
     assert code == 0, err
     assert f"end (end of the motion after a step from {words}" in out
-    assert ("\n  escape: The slider ran away" in out) == ("escape" in out)
+    assert ("\n  escape: The slider" in out) == ("escape" in out)
     assert ratio != "" or "escape" in out
 
 

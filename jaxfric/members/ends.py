@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int8
 
 from ..gains.ends import mean_and_spread, settles
 from ..gains.settle import STANDARD, Policy
-from ..gains.thresholds import PERIODS, SMALL
+from ..gains.thresholds import PERIODS, RUNAWAY, SMALL
 from ..motion import PiecewiseVelocity
 from ..rig import Rig
 from ..simulation import InitialState
@@ -27,9 +27,10 @@ from ..simulation.thresholds import SAFETY
 CODES = {
     "steady": "The slider slides steadily, or converges to steady sliding.",
     "limit_cycle": "The slider keeps oscillating: stick-slip, or an oscillation that still grows.",
-    "escape": "The slider ran away: its friction falls faster than the spring force. This may also"
-    " happen above the critical stiffness, after a large step. Without mass nothing limits the"
-    " speed; with mass (inertia = true) the slider would stick-slip.",
+    "escape": f"The slider became faster than {RUNAWAY:g} V0, where its simulation ends: its"
+    " friction falls faster than the spring force. This may also happen above the critical"
+    " stiffness, after a large step. Without mass nothing limits the speed; with mass (inertia ="
+    " true) the slider would stick-slip.",
     "failed": "The end state is not known: too many steps, or fewer than two cycles in the time.",
 }
 STEADY, LIMIT_CYCLE, ESCAPE, FAILED = range(4)

@@ -33,9 +33,11 @@ from .sliders import Parameters, Sliders, sliders_of, streamed
 from .spec import Spec, StudyPart
 from .tables import Table, flag, refuse_unknown, whole
 
+# A motion over time stops if the slider is this much faster than commanded.
+_LEFT = 1e4
 TRACE = {
     "whole": "The motion was followed for its whole duration.",
-    "escape": "The slider ran away; the last values before hold.",
+    "escape": f"The slider became faster than {_LEFT:g} V0; the last values before hold.",
     "failed": "Too many steps were needed: raise max_steps.",
 }
 ENDINGS = (
@@ -61,8 +63,6 @@ _FEW_STEPS, _AGAIN = 1024, 12
 _FAR_FROM_REST, _SEEN = 20.0, 4096
 # Decay times until a stable slider is at its end state; solver steps of an oscillating one.
 _FOLDS, _CYCLING = 12.0, 700.0
-# A motion over time stops if the slider is this much faster than commanded.
-_LEFT = 1e4
 
 
 def traces(samples: int) -> tuple[Output, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..gains.course import Course, Motion
-from ..gains.thresholds import MAX_STEPS
+from ..gains.thresholds import MAX_STEPS, RUNAWAY
 from ..plain import entries
 from ..schemas import SIMULATION
 from ..simulation import RESULTS
@@ -17,7 +17,7 @@ from .words import amount, machine
 _ENDS = {
     "steady": "steady sliding, or ever closer to it",
     "limit_cycle": "oscillation (stick-slip limit cycle, or still growing)",
-    "escape": "escape, the slider ran away",
+    "escape": f"escape, the slider became faster than {RUNAWAY:g} times the commanded velocity",
     "unresolved": "not decided in this time; give a longer --duration",
 }
 
@@ -36,7 +36,8 @@ def report(course: Course, law: str, width: float | None, length: str) -> Report
     jump = "" if course.jump is None else f" by {amount(motion, course.jump, 'm')}"
     notes.append(f"start: {course.start.replace('_', ' ')}{jump}")
     reached = f"{float(motion.time[-1]):.6g} s of {course.duration:.6g} s"
-    notes.append(f"simulated: {reached}, {course.solver_steps} steps")
+    speeds = _speeds(motion.velocity.min(), motion.velocity.max(), length)
+    notes.append(f"simulated: {reached}, {course.solver_steps} steps; slider {speeds}")
     notes += [f"ended early: {_why(course.result)}"] if early else []
     end = f"end: {_ENDS[course.end]}{_cycle(course, length)}" if course.end else notes.pop()
     return Report([end], notes=notes)
@@ -88,11 +89,17 @@ def _cycle(course: Course, length: str) -> str:
     cycle = course.cycle
     if cycle is None:
         return ""
-    unit = "rad" if length == "rad" else "m"
-    size = factor(length, unit, "length")
-    slowest, fastest = cycle.least_velocity / size, cycle.largest_velocity / size
+    amplitude = format_si(cycle.slip_amplitude, _unit(length), length, 5)
     return (
-        f", period {cycle.period:.5g} s,"
-        f" slip amplitude {format_si(cycle.slip_amplitude, unit, length, 5)} (half the range of"
-        f" slip about steady sliding), velocity {slowest:.4g} to {fastest:.4g} {length}/s"
+        f", period {cycle.period:.5g} s, slip amplitude {amplitude} (half the range of slip about"
+        f" steady sliding), {_speeds(cycle.least_velocity, cycle.largest_velocity, length)}"
     )
+
+
+def _speeds(slowest: float, fastest: float, length: str) -> str:
+    size = factor(length, _unit(length), "length")
+    return f"velocity {slowest / size:.4g} to {fastest / size:.4g} {length}/s"
+
+
+def _unit(length: str) -> str:
+    return "rad" if length == "rad" else "m"
