@@ -207,7 +207,7 @@ def test_only_what_is_out_of_reach_has_no_gains(monkeypatch: pytest.MonkeyPatch)
     text += "[axes]\nV0 = { values = ['1 um/s', '2 um/s', '5 um/s'] }\n"
     text += "[gains]\nmargin = { phase = 1 }\n"
     outcome = run("study", written(Path("study.toml"), text))
-    assert outcome.code == 0, outcome.err
+    assert outcome.code == 1 and "error: 2 members failed; the next run" in outcome.err
     assert "gains: 2 without (66.7%), 1 none (33.3%)" in outcome.out
     assert "outcome: 1 computed (33.3%), 2 error (66.7%)" in outcome.out
     assert "1 of them: InputError: k_p is odd\n" in outcome.out

@@ -6,8 +6,8 @@ Every verb has `--json` (stdout is exactly one JSON document), `--quiet` (no pro
 | code | meaning |
 |------|---------|
 | 0 | a result |
-| 1 | no reliable result: a fit did not converge, one of several files failed, a posterior cannot be
-      trusted, or a figure could not be drawn |
+| 1 | no reliable result: a fit did not converge, one of several files or a member of a study
+      failed, a posterior cannot be trusted, or a figure could not be drawn |
 | 2 | bad input: one line on stderr, and no result was written |
 | 130, 143 | interrupted, ended by another process |
 | 141 | the program that read the output has ended |

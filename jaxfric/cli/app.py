@@ -33,8 +33,8 @@ from .told import telling
 
 CODES = {
     0: "a result, printed and written",
-    1: "no reliable result: a fit did not converge, one of several files failed, a posterior"
-    " cannot be trusted, or a figure could not be drawn; stderr says which",
+    1: "no reliable result: a fit did not converge, one of several files or a member of a study"
+    " failed, a posterior cannot be trusted, or a figure could not be drawn; stderr says which",
     2: "bad input: one line on stderr says what, where and what to do; no result was written",
     130: "interrupted (Ctrl-C); 143: another process ended the study",
     141: "the program that read the output has ended",

@@ -70,7 +70,7 @@ def study(
 
     Results are written to a Zarr store, chunk by chunk. Repeat the command to continue a study that
     was stopped or killed. A continued study verifies the checksum of each chunk, and computes
-    damaged chunks again.
+    damaged chunks again. If members fail with an error, the exit code is 1.
     """
     from ..study.store import require_packages
 
@@ -112,7 +112,9 @@ def study(
     told_of = report(found, time.monotonic() - begun, teller.members, destination)
     text = json_text(content(found, destination, teller.members))
     show(told_of, f"written: {destination}", text, output)
-    return 0
+    if failed := sum(found.attrs["errors"].values()):
+        warn([f"{failed} members failed; the next run computes them again"], "error")
+    return int(failed > 0)
 
 
 def _terminated(*_: object) -> None:
