@@ -297,6 +297,15 @@ def test_errors_keep_their_text_and_are_tried_again(tmp_path, monkeypatch):
     assert len(again) == 4 and found.attrs["errors"] == {} and (found.outcome == 0).all()
 
 
+def test_a_region_of_errors_that_comes_first_does_not_stop_a_study(tmp_path, monkeypatch):
+    """As of several processes: the blocks come in another order."""
+    module = sys.modules["jaxfric.study.run"]
+    local = module._local
+    monkeypatch.setattr(module, "_local", lambda task, todo: local(task, todo[::-1]))
+    found = study.run(flaky, f.grid(), tmp_path / "a", outputs=f.SLOWLY, kind="host", chunk=10)
+    np.testing.assert_array_equal(found.outcome == 2, (found.x > 1).broadcast_like(found.outcome))
+
+
 @pytest.mark.parametrize("chunk", [1, 30])
 def test_nothing_but_errors_stops_a_study(tmp_path, chunk):
     """Nothing is kept, so that the mended function may begin anew."""

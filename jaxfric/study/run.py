@@ -242,17 +242,24 @@ class Failed(InputError):
 def _refuse_failures(
     found: Iterable[tuple[int, Computed]], task: Task
 ) -> Iterator[tuple[int, Computed]]:
-    """Yield the blocks, or raise `Failed` if all of the first members failed."""
+    """Yield the blocks, or raise `Failed` if all of the first members failed.
+
+    The first members are those of the first blocks of the grid. Of several processes another block
+    may come first; its failures are those of a region of the grid.
+    """
     failed, error, text = 0, _OUTCOMES.index("error"), ""
+    first = set(range(min(math.ceil(_FIRST / task.blocks.largest), len(task.blocks))))
     blocks = iter(found)
     for number, block in blocks:
         here = block.values[OUTCOME]
         if not np.all(here == error):
             yield number, block
             break
-        failed += here.size
-        text = text or _first_error(task, number, block.errors)
-        if failed >= min(_FIRST, task.grid.size):
+        if number in first:
+            first.remove(number)
+            failed += here.size
+            text = text or _first_error(task, number, block.errors)
+        if not first:
             advice = "Correct the function, or let it return nan where a member has no number"
             if belongs_to_package(task.function):
                 advice = "Correct the study: its fixed and its varied parameters"
