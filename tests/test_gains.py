@@ -603,6 +603,31 @@ def test_an_unresolved_step_is_no_break(monkeypatch, ends, covered, number, coun
     assert [warning.values for warning in chain.warnings] == counts
 
 
+def test_gains_of_a_set_point_hold_half_way_to_its_neighbours(monkeypatch):
+    """Also after set points are inserted on one side, and never outside the range."""
+    module = sys.modules["jaxfric.gains.set_points"]
+    asked = {}
+
+    def sizes(scenarios, *_, **__):
+        size = np.where(scenarios.velocity > 2e-2, 1.1, 50.0)
+        return JumpSizes(size, size, ["escape"], ["escape"])
+
+    def gains(*_, velocity, **__):
+        asked[sorted(velocity)[2]] = np.asarray(velocity)  # the last time for every set point
+        return SimpleNamespace(kp=1.0, kv=1.0)
+
+    monkeypatch.setattr(module, "jump_sizes", sizes)
+    monkeypatch.setattr(module, "find_gains", gains)
+    chain = gain_schedule(golden_source(), velocity=(1e-3, 1e-1), mass=None, ratio=10.0)
+    V = np.asarray([point.velocity for point in chain.points])
+    middle = np.sqrt(V[1:] * V[:-1])
+    assert len(V) > 5 and V[1] == pytest.approx(1e-2)
+    low, high = np.append(V[0], middle), np.append(middle, V[-1])
+    np.testing.assert_allclose([asked[v].min() for v in V], low, rtol=1e-12)
+    np.testing.assert_allclose([asked[v].max() for v in V], high, rtol=1e-12)
+    assert min(map(np.min, asked.values())) == V[0] and max(map(np.max, asked.values())) == V[-1]
+
+
 @pytest.mark.parametrize(
     ("velocities", "told"),
     [

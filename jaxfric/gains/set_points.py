@@ -25,7 +25,7 @@ from ..silent import silent
 from .gains import find_gains
 from .requirement import DEFAULT, Requirement
 from .scenarios import Scenarios
-from .thresholds import MOST_SET_POINTS, OF_A_RANGE
+from .thresholds import MOST_SET_POINTS
 from .verify import jump_sizes
 
 
@@ -85,11 +85,12 @@ def gain_schedule(
     """Compute minimum-norm gains at set points between two velocities [m/s]; check the chain.
 
     Neighbouring set points are at first a factor `ratio` apart in velocity. The gains of each set
-    point have the required margins half-way to the neighbouring set points. The required margins
-    hold in every sample of the law and for every mass. If a step to a neighbour is outside the
-    basin, a set point is inserted between the two. No set point is inserted if two set points would
-    then differ by less than a factor `finest`, or because a simulation is unresolved. Simulations
-    use the law's estimate and the largest mass.
+    point have the required margins up to half-way (in log velocity) to the neighbouring set points,
+    in every sample of the law and for every mass. The gains of the first and the last set point
+    have them only inside the range. If a step to a neighbour is outside the basin, a set point is
+    inserted between the two. No set point is inserted if two set points would then differ by less
+    than a factor `finest`, or because a simulation is unresolved. Simulations use the law's
+    estimate and the largest mass.
 
     `law` is as in `find_gains`; for a friction coefficient pass `law_from_fit(fit,
     normal_force=500)`.
@@ -108,17 +109,16 @@ def gain_schedule(
     mass = law.mass if mass is None else mass
     tell = progress or silent
     count = max(2, 1 + math.ceil(math.log(high / low) / math.log(ratio)))
-    places = list(np.geomspace(low, high, count))
-    known: dict[tuple[float, float], SetPoint] = {}
+    places = np.geomspace(low, high, count).tolist()
+    known: dict[tuple[float, float, float], SetPoint] = {}
     while True:
         points = []
         for i, V in enumerate(places):
-            step = max(V / places[max(i - 1, 0)], places[min(i + 1, len(places) - 1)] / V)
-            key = (V, round(step, 9))
-            if key not in known:
+            three = places[max(i - 1, 0)], V, places[min(i + 1, len(places) - 1)]
+            if three not in known:
                 tell(f"set point {V:.3g} m/s")
-                known[key] = _set_point(law, V, math.sqrt(step), mass, margin)
-            points.append(known[key])
+                known[three] = _set_point(law, three, mass, margin)
+            points.append(known[three])
         chained = [_chained(slow, fast) for slow, fast in itertools.pairwise(points)]
         broken = [i for i, inside in enumerate(chained) if inside is False]
         fine = [i for i in broken if places[i + 1] / places[i] < finest**2]
@@ -145,17 +145,19 @@ def _chained(slow: SetPoint, fast: SetPoint) -> bool | None:
 
 def _set_point(
     law: LawSource,
-    V: float,
-    reach: float,
+    three: tuple[float, float, float],
     mass: ArrayLike | None,
     margin: Mapping[str, float] | Requirement | str,
 ) -> SetPoint:
-    around = V * np.geomspace(1 / reach, reach, OF_A_RANGE)
+    """The middle one of `three` neighbours; at an end of the chain it is its own neighbour."""
+    slower, V, faster = three
+    low, high = math.sqrt(slower * V), math.sqrt(V * faster)
+    around = np.asarray([low, math.sqrt(low * V), V, math.sqrt(V * high), high])
     found = find_gains(law, velocity=around, mass=mass, margin=margin)
     heaviest = None if mass is None else np.atleast_1d(np.max(np.asarray(mass)))
     here = Scenarios.at(law.samples, np.asarray([V]), heaviest, np.asarray([0]))
     gains = np.asarray([found.kp, found.kv])
-    largest = max(10.0, 4 * reach**2)
+    largest = max(10.0, 4 * max(V / slower, faster / V))
     sizes = jump_sizes(here, gains, largest=largest)
     up, down = float(sizes.up[0]), float(sizes.down[0])
     return SetPoint(V, found.kp, found.kv, up, down, sizes.up_lost[0], sizes.down_lost[0])

@@ -25,7 +25,7 @@ error of a slope is about the square of that."""
 MOST_RAISED = 30.0
 """Largest factor by which gains are raised for a basin; more is not worth its cost."""
 OF_A_RANGE = 5
-"""Number of values that represent a range: masses given as text, velocities around a set point."""
+"""Number of masses that represent a range given as text."""
 OF_LAWS = 4
 """Number of samples of the law with which a slider is simulated at rest: the estimate and others at
 even distances."""
