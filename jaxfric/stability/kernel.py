@@ -122,7 +122,7 @@ class FunctionKernel(AbstractKernel):
     horizon : time [s] after which g is negligible (exp(-36) is 2e-16).
     panels, order : panels grow geometrically over five decades up to the horizon, with `order`
         Gauss points each.
-    breaks : times [s] at which g or its slope jumps; with the horizon, if g jumps to 0 there.
+    breaks : times [s] at which g or its slope jumps; with the horizon, if g is 0 beyond it.
 
     Raises
     ------
@@ -243,7 +243,7 @@ def _refuse_unresolved(total: Array, unresolved: Array, at_end: Array) -> None:
         raise InputError(
             f"kernel: |g| near the horizon times the horizon is {at_end / total:.2g} of"
             f" int |g| dt, more than {NEGLECTED:g}; raise the horizon, or name it in breaks= if g"
-            " jumps to 0 there"
+            " is 0 beyond it"
         )
 
 
