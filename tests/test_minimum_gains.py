@@ -1,5 +1,7 @@
 """Gains of least norm as a pure function: optima in closed form or by SciPy, and derivatives."""
 
+import warnings
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -135,6 +137,15 @@ def test_what_is_wrong_is_said():
             jf.minimum_gains(law, np.asarray(velocity), mass, asked)
     with pytest.raises(jf.InputError, match="leave an empty range"):
         jf.minimum_gains(law, V, 1.0, {"modulus": 0.5}, lower=(1.0, 1.0), upper=(0.5, 2.0))
+
+
+@pytest.mark.parametrize("mass", [None, 2.0])
+def test_single_precision_is_refused_before_it_overflows(mass):
+    with jax.enable_x64(False), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        law = jf.RateState(10.0, 1.0, [3.0], [1e-3], 2e-3)
+        with pytest.raises(jf.InputError, match="64-bit numbers"):
+            jf.minimum_gains(law, [1e-3], mass, {"modulus": 0.5})
 
 
 @pytest.mark.long

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ..stability.kernel import kernel_total
 from ..stability.linear import LinearFriction
+from ..stability.margins import refuse_single_precision
 from ..stability.theorem import rice_ruina_criterion
 
 
@@ -27,7 +28,12 @@ class NaturalSizes(NamedTuple):
 
 
 def sizes(friction: LinearFriction, mass: Float[Array, " n"] | None) -> NaturalSizes:
-    """Compute the natural sizes of each scenario; `friction` has a leading axis."""
+    """Compute the natural sizes of each scenario; `friction` has a leading axis.
+
+    Raises `InputError` for single precision, in which the criterion's roots overflow.
+    """
+
+    refuse_single_precision(friction)
 
     def one(friction: LinearFriction, mass: Array) -> NaturalSizes:
         low, high = friction.kernel.frequencies()

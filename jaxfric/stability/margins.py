@@ -37,7 +37,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Bool, Complex, Float
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float, PyTree
 
 from ..errors import InputError
 from . import polynomial as poly
@@ -143,15 +143,20 @@ def _kernel(slider: LinearSlider) -> AbstractKernel:
     return kernel
 
 
+def refuse_single_precision(numbers: PyTree) -> None:
+    """Raise `InputError` for numbers in single precision."""
+    if jnp.result_type(*jax.tree.leaves(numbers)) != jnp.float64:
+        raise InputError(
+            "margins need 64-bit numbers: add jax.config.update('jax_enable_x64', True) after"
+            " 'import jax', before any array is made; in a study precision='float64'"
+        )
+
+
 class Analysis:
     """Quantities shared by the margins of one slider, each computed once."""
 
     def __init__(self, slider: LinearSlider):
-        if jnp.result_type(*jax.tree.leaves(slider)) != jnp.float64:
-            raise InputError(
-                "margins need 64-bit numbers: add jax.config.update('jax_enable_x64', True) after"
-                " 'import jax', before any array is made; in a study precision='float64'"
-            )
+        refuse_single_precision(slider)
         self.slider = slider
 
     @functools.cached_property
