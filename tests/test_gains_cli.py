@@ -200,8 +200,9 @@ def test_from_a_fit_with_samples():
     code, out, err = run("gains", "--from", path, *options, *SAFE, *MACHINE)
     assert code == 0, err
     assert "6 samples of the law" in out and "not checked by simulation" in out
-    wrong = run("gains", "--from", path, *options, *SAFE, *MACHINE, "--confidence", "2")
-    assert_refused(wrong, "confidence is 2")
+    for wrong in ("0", "2"):
+        refused = run("gains", "--from", path, *options, *SAFE, *MACHINE, "--confidence", wrong)
+        assert_refused(refused, f"confidence is {wrong}")
 
 
 OWN = "A, L are not determined by this record: other values fit it as well"

@@ -14,7 +14,7 @@ class ENDS(eqx.Enumeration):
 
     steady = "The slider slides steadily, or converges to steady sliding."
     limit_cycle = "The slider keeps oscillating: stick-slip, or an oscillation that still grows."
-    escape = "The slider ran away."
+    escape = "The slider became faster than the limit of a simulation (`Policy.runaway`)."
     unresolved = (
         "The simulation ended early, or two cycles did not fit into it: raise max_steps or "
         "the horizon."
