@@ -88,8 +88,9 @@ def close_loop(
         machine = MachineStiffness.parse(stiffness, record.friction_unit)
         how = HowFitted(machine, law, slip_trend="slip_trend" in asked.with_)
         return run_loop(record, events, how, downsample_to, asked, begun=begun, progress=progress)
-    subject = _step_subject(record, stiffness, law, steps, downsample_to, asked, progress)
-    return close(subject, most=max_effects, begun=begun, progress=progress)
+    subject, at = _step_subject(record, stiffness, law, steps, downsample_to, asked, progress)
+    found = close(subject, most=max_effects, begun=begun, progress=progress)
+    return dataclasses.replace(found, normal_stress=at)
 
 
 def _step_subject(
@@ -100,11 +101,15 @@ def _step_subject(
     rows: int | None,
     asked: Offered,
     progress: Callable[[str], None],
-) -> Subject[Problem]:
-    """The subject of a record of velocity steps."""
+) -> tuple[Subject[Problem], float | None]:
+    """The subject of a record of velocity steps, and the normal stress at which K holds [Pa]: of
+    the start if the normal stress changes, as n(t) is relative to the start, else the mean."""
     found_steps = steps_of(record, steps)
     record, thinning = few_rows(record, rows, found_steps, most=FITTED_ROWS)
-    stress = _stress(record)
+    stress, at = _stress(record), record.mean_normal_stress
+    if stress is not None and record.normal_stress is not None:
+        at = stress.unit(record.relative_time, record.normal_stress)
+        stiffness = MachineStiffness.parse(stiffness, record.friction_unit).at(at)
     asked = with_channels(record, law, asked, stress=stress is not None)
     progress("base fit of the whole record")
     _refuse_turns(record, found_steps)
@@ -119,7 +124,7 @@ def _step_subject(
         progress=say,
     )
     refuse_failed(record, base_fit)
-    return slider_subject(
+    subject = slider_subject(
         record,
         base_fit,
         found_steps,
@@ -129,6 +134,7 @@ def _step_subject(
         fitted_times=base_fit.steps.times,
         thinning=thinning,
     )
+    return subject, at
 
 
 def _stress(record: Record) -> NormalStress | None:

@@ -231,6 +231,9 @@ class Loop(Described, Drawable, Gridded, Tabular):
     """As `sigma`, for the held-out rows; nan if it was not estimated separately."""
     held_out_threshold: float = float("nan")
     """Largest test error, in units of its noise, that noise alone explains; nan if unknown."""
+    normal_stress: float | None = None
+    """Normal stress at which K of a coefficient holds [Pa]; None if unknown, or for a run, whose
+    stretches have one each."""
 
     @property
     def words(self):

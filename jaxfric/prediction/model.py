@@ -64,8 +64,9 @@ class SavedModel(NamedTuple):
         return [name for name, item in last.items() if not item.get("determined", True)]
 
     def normal_stress(self) -> float | None:
-        """Return the normal stress [Pa] at which K of the model holds: the mean of its record, or
-        that of the first stretch of a run; None if it is not known."""
+        """Return the normal stress [Pa] at which K of the model holds: the mean of its record,
+        that of the start if the loop followed its changes, or that of the first stretch of a run;
+        None if it is not known."""
         first = self.content.get("stretches") or [self.content.get("record", {})]
         return first[0].get("normal_stress")
 

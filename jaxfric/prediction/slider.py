@@ -144,7 +144,16 @@ def _setting(
     values = saved.values(list(saved.tables())[-1])
     found, sign = forward_steps(record, steps_of(record, steps))
     effects = effects_of_file(saved.effects())
-    K, stiffness_note = _stiffness(saved, values["K"], record, stiffness)
+    stress, here = None, record.mean_normal_stress
+    if any(e.channel == "normal_stress" for e in effects):
+        if record.normal_stress is None:
+            raise InputError(
+                f"{record.provenance.path} has no normal stress, which the model of {saved.path}"
+                " needs; name its column"
+            )
+        stress = recorded_stress(record.relative_time, record.normal_stress)
+        here = stress.unit(record.relative_time, record.normal_stress)
+    K, stiffness_note = _stiffness(saved, values["K"], record, stiffness, here)
     law = saved.content["law"]
     if effects:
         model = EncompassingModel(Model(law=law), effects)
@@ -159,17 +168,11 @@ def _setting(
         model,
         stiffness=K,
         V0=values["V0"],
-        mass=_mass(saved, values.get("m"), record),
+        mass=_mass(saved, values.get("m"), record, here),
         sign=sign,
         force_scale=abs(values["A"]),
     )
-    if any(e.channel == "normal_stress" for e in effects):
-        if record.normal_stress is None:
-            raise InputError(
-                f"{record.provenance.path} has no normal stress, which the model of {saved.path}"
-                " needs; name its column"
-            )
-        stress = recorded_stress(record.relative_time, record.normal_stress)
+    if stress is not None:
         padded = stress.padded(bucket(len(stress.knots)))
         problem = dataclasses.replace(problem, normal_stress=padded)
     if effects:
@@ -178,18 +181,21 @@ def _setting(
 
 
 def _stiffness(
-    saved: SavedModel, of_model: float, record: Record, given: float | str | None
+    saved: SavedModel,
+    of_model: float,
+    record: Record,
+    given: float | str | None,
+    here: float | None,
 ) -> tuple[float, tuple[Warned, ...]]:
     """Return the stiffness [F/m] for a record, and a note on its source unless it is `given`.
 
     A machine has one stiffness of shear stress [Pa/m]. For a coefficient of friction it is divided
-    by the normal stress, so K of the model is scaled by the ratio of both normal stresses.
+    by the normal stress, so K of the model is scaled by the ratio of both normal stresses. `here`
+    is the normal stress at which K of the record holds [Pa].
     """
     if given is not None:
-        machine = MachineStiffness.parse(given, record.friction_unit)
-        return machine.at(record.mean_normal_stress), ()
-    unit = unit_of("K", record.friction_unit)
-    before, here = saved.normal_stress(), record.mean_normal_stress
+        return MachineStiffness.parse(given, record.friction_unit).at(here), ()
+    unit, before = unit_of("K", record.friction_unit), saved.normal_stress()
     if record.friction_unit != "1" or not before or not here or alike(before, here):
         return of_model, (warned(NoteCode.STIFFNESS, stiffness=of_model, unit=unit),)
     K = of_model * before / here
@@ -197,10 +203,12 @@ def _stiffness(
     return K, (warned(NoteCode.SCALED, **values, unit=unit),)
 
 
-def _mass(saved: SavedModel, of_model: float | None, record: Record) -> float | None:
+def _mass(
+    saved: SavedModel, of_model: float | None, record: Record, here: float | None
+) -> float | None:
     """Return the mass for a record [F s^2/m]; for a coefficient it is over the normal force, so it
     is scaled by the ratio of both normal stresses, as the stiffness."""
-    before, here = saved.normal_stress(), record.mean_normal_stress
+    before = saved.normal_stress()
     if of_model is None or record.friction_unit != "1" or not before or not here:
         return of_model
     return of_model if alike(before, here) else of_model * before / here

@@ -24,7 +24,7 @@ def content(loop: Loop) -> dict:
         "schema": LOOP,
         "record": {
             **origin.to_json(len(loop.record)),
-            **({} if loop.kind == "axis" else {"normal_stress": loop.record.mean_normal_stress}),
+            **({} if loop.kind == "axis" else {"normal_stress": loop.normal_stress}),
         },
         "friction_unit": loop.record.friction_unit,
         "law": loop.base_fit.law,

@@ -39,6 +39,10 @@ class NormalStress(eqx.Module):
         since = t - self.knots[index]
         return ((c[0] * since + c[1]) * since + c[2]) * since + c[3]
 
+    def unit(self, time: ArrayLike, stress: ArrayLike) -> float:
+        """The normal stress [Pa] at which n is 1: the mean of a recorded stress over n(time)."""
+        return float(np.mean(np.asarray(stress) / jax.vmap(self.ratio)(jnp.asarray(time))))
+
     def _interval(self, t: Float[Array, ""]) -> Int[Array, ""]:
         """Index of the last knot at or before `t`, or 0.
 
