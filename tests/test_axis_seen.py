@@ -121,6 +121,12 @@ def servo(moves, gains, *, falls=0.0, told=True):
     loop = jaxfric.close_axis_loop(record, exclude=tuple(AXIS_CATALOGUE))
     assert isinstance(loop.details, AxisDetails) and loop.details.gains.curve is not None
     curve = loop.details.gains.curve
+    # the slope of Coulomb and viscous friction is F_v: its error by noise, times the misfit
+    error, noise = loop.test_error(loop.after), np.sqrt(np.diag(loop.details.covariance))
+    misfit = error if error > loop.held_out_threshold else 1.0
+    if gains is STIFF:
+        assert loop.after.free[1] == "F_v" and (misfit > 2 or not falls)
+        assert curve.error == pytest.approx(misfit * noise[1], rel=0.03)
     return curve, [one for one in curve.unseen if "stopped" in one.what]
 
 
@@ -138,6 +144,10 @@ STEADY = there_and_back((0.2, 0.06), times=3)
 def test_a_commanded_dwell_is_no_stop(moves):
     curve, stops = servo(moves, STIFF)
     assert stops == [] and curve.slowest < 5.1e-3
+
+
+def test_a_model_that_misfits_has_larger_errors_of_its_slope():
+    servo(APPROACH, STIFF, falls=6.0)
 
 
 def test_stops_without_a_reference_may_be_dwells():

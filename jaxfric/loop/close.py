@@ -22,7 +22,7 @@ from .case import Case, P
 from .engine import Engine
 from .family import CurveRig, curve_family
 from .findings import effect_findings
-from .learn import learn_noise, noise_floor
+from .learn import Floor, learn_noise, noise_floor
 from .location import Bumps, locate
 from .refit import Candidate, estimates, refit
 from .refusal import Move
@@ -75,9 +75,9 @@ class Subject(Generic[P]):
     """Record, base, warnings and scored rows of a search."""
     named: Callable[[Mapping[str, Estimate]], dict[str, Estimate]]
     """Parameters of a fit for reports: in the units of the rig, including given parameters."""
-    details: Callable[[Engine[P], Search, Score, float, Callable[[str], None]], LoopDetails | None]
-    """Further results for this kind of rig, from the score after, the rms test error beyond its
-    noise [unit of friction], and a progress callback."""
+    details: Callable[[Engine[P], Search, Score, Floor, Callable[[str], None]], LoopDetails | None]
+    """Further results for this kind of rig, from the score after, the noise floor, and a progress
+    callback."""
     fitted: tuple[str, ...] = ()
     """Effects of the base that the base fit has too; `start` holds their parameters."""
     edge: float | None = None
@@ -120,8 +120,7 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
         withheld=subject.withheld,
     )
     alone = dataclasses.replace(after.noise, sigma=floor.sigma)  # without smooth columns
-    missed = np.sqrt(max(after.rms["report"] ** 2 - (floor.most["report"] * floor.later) ** 2, 0.0))
-    details = subject.details(engine, found, after, missed, progress)
+    details = subject.details(engine, found, after, floor, progress)
     effects = effect_findings(engine, found, told.verdict, rows.used)
     return Loop(
         record=rows.record,

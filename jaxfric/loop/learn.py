@@ -208,6 +208,14 @@ class Floor(NamedTuple):
         """Standard deviation of the noise on a block, in the unit of friction."""
         return self.sigma if block == "train" else self.later
 
+    def missed(self, rms: float) -> float:
+        """Part of the test block's rms error beyond that of noise, in the unit of friction."""
+        return float(np.sqrt(max(rms**2 - (self.most["report"] * self.later) ** 2, 0.0)))
+
+    def misfit(self, rms: float) -> float:
+        """Factor on the errors of a model with this rms error of the test block: `Loop.misfit`."""
+        return rms / self.later if self.missed(rms) > 0 else 1.0
+
 
 def noise_floor(engine: Engine, current: Candidate) -> Floor:
     """Noise after projecting out base, effects, and smooth bumps along the record and each step.

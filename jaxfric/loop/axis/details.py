@@ -4,7 +4,7 @@
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -14,7 +14,6 @@ from ...findings import Finding
 from ...fitting.axis_fit import AxisFit, inverse_dynamics, output_error
 from ...fitting.axis_preparation import Prepared
 from ...fitting.axis_problem import AxisProblem
-from ...fitting.result import Estimate
 from ...gains.axis import AxisGains, axis_gains, state_gains
 from ...records.axis_record import AxisRecord, Drive
 from ...rig import Inertial, Rig
@@ -25,7 +24,9 @@ from ...stability.linear import linearise
 from ...stability.margins import stability_margin
 from ..engine import Engine
 from ..findings import claims_of_friction
+from ..learn import Floor
 from ..refit import estimates
+from ..result import Score
 from ..search import Search
 from ..thresholds import UNEXPLAINED
 from .driven import Driven, at_one_speed
@@ -68,15 +69,17 @@ def details_of(
     counted: AxisRows,
     engine: Engine[AxisProblem],
     found: Search,
-    told: Mapping[str, Estimate],
-    missed: float,
+    after: Score,
+    floor: Floor,
     progress: Callable[[str], None],
 ) -> AxisDetails:
     """Fits of the base and of the final model by inverse dynamics and by output error, over all
     rows. The result also has the gains, and the claims on friction and stability that the rows
-    `counted` support. `told` are the final parameters of the loop, for comparison with the fits.
-    `missed` is the error of the test block beyond noise [F].
+    `counted` support. The final parameters of the loop are compared with the fits. The slope of
+    friction has the errors of the final model, times its misfit.
     """
+    told, missed = after.parameters, floor.missed(after.rms["report"])
+    misfit = floor.misfit(after.rms["report"])
     record, reading, directions, spring, withheld, others = known
     problem = engine.case.problem
     prepared, rows = reading.prepared, reading.rows
@@ -100,6 +103,8 @@ def details_of(
     # slope and error must come from one model: that of the loop, over the used rows
     rig = problem.rig(jnp.asarray(found.final.z))
     supported = seen(engine, found, rows, prepared, record, directions, withheld)
+    noisy = supported.error
+    supported = supported._replace(error=lambda velocity: misfit * noisy(velocity))
     place = float(np.median(rows.position))
     usual = jnp.asarray(np.median(np.abs(rows.velocity[rows.used])))
     own = abs(float(rig.turning_friction(place, usual)))

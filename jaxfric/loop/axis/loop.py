@@ -191,8 +191,8 @@ def axis_subject(
         curves=lambda engine, final: axis_curves(engine, final, counted(engine), length),
         reported=reported,
         named=named,
-        details=lambda engine, found, after, missed, progress: details_of(
-            known, counted(engine), engine, found, after.parameters, missed, progress
+        details=lambda engine, found, after, floor, progress: details_of(
+            known, counted(engine), engine, found, after, floor, progress
         ),
         withheld=stopped,
     )
