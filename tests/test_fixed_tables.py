@@ -157,7 +157,13 @@ BRISTLE = {"presliding.a": 25.0, "presliding.sigma_1": 1.2e4, "presliding.x_c": 
         ((0.1, 0.1, 0.59), ("presliding.x_c",)),
     ],
 )
-def test_a_bristle_is_fixed_whatever_its_damping(errors, names):
+@pytest.mark.parametrize("together", [0.0, 0.9])
+def test_a_bristle_is_fixed_whatever_its_damping(errors, names, together):
+    """A damping and a length that are known together only leave the length open: x_c is stated,
+    with the error of its marginal distribution."""
+    spread = np.diag(np.asarray(errors) ** 2)
+    spread[1, 2] = spread[2, 1] = together * errors[1] * errors[2]
+    jacobian = np.linalg.cholesky(np.linalg.inv(spread)).T
     own = tuple(BRISTLE)
     about = dict(zip(own, quantities(Presliding).values(), strict=True))
     made = SimpleNamespace(
@@ -165,7 +171,7 @@ def test_a_bristle_is_fixed_whatever_its_damping(errors, names):
         noise=SimpleNamespace(friction=np.asarray([100.0, -100.0, 0.0])),
         free=lambda effects: np.arange(3),
         evaluate=lambda z, index: SimpleNamespace(
-            failed=False, jacobian=np.diag(1 / np.asarray(errors))[:, index],
+            failed=False, jacobian=jacobian[:, index],
             extra_jacobian=np.zeros((0, len(index))),
         ),
         whiten=lambda columns, noise: columns,

@@ -119,18 +119,19 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
     of the record. Outside the range are a length beyond twice the path, a time beyond twice the
     duration, and a velocity far from all recorded ones. The class of an effect may set further
     limits to parameters. Pure shape parameters, such as a bounded exponent, need not be determined:
-    their values are held fixed when the errors of other parameters are computed.
+    their values are held fixed when the errors of amplitudes are computed. The errors of lengths,
+    times and velocities include them, because a result states these scales by their values.
     """
     own = engine.model.columns(candidate.effects)
     shapes = [i for i in own if _is_shape_only(engine, i)]
     index = engine.free(candidate.effects)
-    index = index[~np.isin(index, shapes)]
     rows = engine.evaluate(candidate.z, index)
     if rows.failed:
         return candidate.effects
     white = engine.whiten(rows.jacobian * engine.weight[:, None], candidate.noise)
-    spread = normal_inverse(np.concatenate([white, rows.extra_jacobian]))
-    error = dict(zip(index.tolist(), np.sqrt(np.diag(spread)).tolist(), strict=True))
+    columns = np.concatenate([white, rows.extra_jacobian])
+    given = ~np.isin(index, shapes)
+    whole, at_shape = _errors(columns, index), _errors(columns[:, given], index[given])
     force = float(np.max(np.abs(engine.noise.friction[: engine.rows])))
     values = engine.values(candidate.z)
     half = np.ptp(rows.jacobian[engine.weight > 0], axis=0) / 2 * engine.unit
@@ -144,11 +145,19 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
                 continue
             size = max(abs(candidate.z[i]), 1e-300) if i in amplitudes else 1.0
             name, unit = engine.names[i], engine.model.quantity(engine.names[i]).unit
-            part = Part(name, unit, values[name], error[i] / size, i in amplitudes)
+            error = (at_shape if i in amplitudes else whole)[i] / size
+            part = Part(name, unit, values[name], error, i in amplitudes)
             of_place = part.amplitude and id in places
             parts.append(part._replace(change=size * change[i]) if of_place else part)
         found += loose(parts, force, scales)
     return tuple(dict.fromkeys(found))
+
+
+def _errors(columns: np.ndarray, index: np.ndarray) -> dict[int, float]:
+    """Standard error of every parameter `index` with these columns of the whitened Jacobian."""
+    return dict(
+        zip(index.tolist(), np.sqrt(np.diag(normal_inverse(columns))).tolist(), strict=True)
+    )
 
 
 def loose(parts: list[Part], force: float, scales: RecordScales) -> tuple[str, ...]:
