@@ -77,12 +77,13 @@ Z = np.asarray([0.6, -2.0, np.log(1e-4), 0.0, 4.0, 8.0])
 POSITIVE, BOUNDED = "wave.length", "wave.n"
 
 
-def engine(errors, *, shape=0.0, largest=0.6, failed=False, free_shape="", beyond=()):
-    """Of a friction of `largest`, with errors of z by name, of the wave's height and shape
-    correlated; what one parameter does is known without it."""
+def engine(errors, *, shape=0.0, length=0.0, largest=0.6, failed=False, free_shape="", beyond=()):
+    """Of a friction of `largest`, with errors of z by name, of the wave's height and `length`
+    correlated with its shape; what one parameter does is known without it."""
     std = np.asarray([errors.get(name, 0.1) for name in NAMES])
     spread = np.diag(std**2)
     spread[1, 3] = spread[3, 1] = shape * std[1] * std[3]
+    spread[2, 3] = spread[3, 2] = length * std[2] * std[3]
     jacobian = np.linalg.cholesky(np.linalg.inv(spread)).T
     about = {
         name: SimpleNamespace(
@@ -127,6 +128,8 @@ def engine(errors, *, shape=0.0, largest=0.6, failed=False, free_shape="", beyon
         # height and shape known together only: sqrt(1 - .9^2) of its error is the height's own
         (("wave",), engine({"wave.a": 4.5, "wave.n": 50.0}, shape=0.9), ()),
         (("wave",), engine({"wave.a": 4.7, "wave.n": 50.0}, shape=0.9), ("wave.a",)),
+        (("wave",), engine({"wave.length": 1.3, "wave.n": 50.0}, length=0.9), ()),
+        (("wave",), engine({"wave.length": 1.4, "wave.n": 50.0}, length=0.9), ("wave.length",)),
         (("wave",), engine({"wave.a": 2.01}, free_shape="wave.length"), ("wave.a",)),
         # the largest friction of the rows, of either sign, and not of the padding
         (("wave",), engine({}, largest=0.021), ()),

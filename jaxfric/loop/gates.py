@@ -120,7 +120,8 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
     duration, and a velocity far from all recorded ones. The class of an effect may set further
     limits to parameters. Pure shape parameters, such as a bounded exponent, need not be determined:
     their values are held fixed when the errors of amplitudes are computed. The errors of lengths,
-    times and velocities include them, because a result states these scales by their values.
+    times and velocities hold only bounded exponents: a shape without bounds, such as the damping of
+    a bristle, may replace a length, which a result states by its value.
     """
     own = engine.model.columns(candidate.effects)
     shapes = [i for i in own if _is_shape_only(engine, i)]
@@ -130,8 +131,11 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
         return candidate.effects
     white = engine.whiten(rows.jacobian * engine.weight[:, None], candidate.noise)
     columns = np.concatenate([white, rows.extra_jacobian])
-    given = ~np.isin(index, shapes)
-    whole, at_shape = _errors(columns, index), _errors(columns[:, given], index[given])
+    exponents = [i for i in shapes if _is_bounded(engine, i)]
+    of_scales, of_amplitudes = (
+        _errors(columns[:, free], index[free])
+        for free in (~np.isin(index, exponents), ~np.isin(index, shapes))
+    )
     force = float(np.max(np.abs(engine.noise.friction[: engine.rows])))
     values = engine.values(candidate.z)
     half = np.ptp(rows.jacobian[engine.weight > 0], axis=0) / 2 * engine.unit
@@ -145,7 +149,7 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
                 continue
             size = max(abs(candidate.z[i]), 1e-300) if i in amplitudes else 1.0
             name, unit = engine.names[i], engine.model.quantity(engine.names[i]).unit
-            error = (at_shape if i in amplitudes else whole)[i] / size
+            error = (of_amplitudes if i in amplitudes else of_scales)[i] / size
             part = Part(name, unit, values[name], error, i in amplitudes)
             of_place = part.amplitude and id in places
             parts.append(part._replace(change=size * change[i]) if of_place else part)
@@ -197,8 +201,11 @@ def _possible(part: Part, force: float, scales: RecordScales) -> bool:
 
 def _is_shape_only(engine: Engine, i: int) -> bool:
     """Whether a parameter is purely a shape: a bounded exponent, or the start of a logarithm."""
-    about = engine.model.quantity(engine.names[i])
-    return math.isfinite(about.upper) or about.shape_only
+    return _is_bounded(engine, i) or engine.model.quantity(engine.names[i]).shape_only
+
+
+def _is_bounded(engine: Engine, i: int) -> bool:
+    return math.isfinite(engine.model.quantity(engine.names[i]).upper)
 
 
 # Parameters of the base that an effect takes over.
