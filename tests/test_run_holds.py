@@ -148,6 +148,35 @@ def test_hold_or_law_of_holds_that_are_fitted_apart_is_not_told(monkeypatch):
         fit_holds(record, [HOLD, BACK, *second], of_stress)
 
 
+@pytest.mark.parametrize("law", ["slip", "ageing"])
+@pytest.mark.parametrize("again", [True, False])
+def test_hold_or_law_a_fit_that_ran_away_starts_again_from_the_other_law(monkeypatch, law, again):
+    """If it does not converge again, no law is named, and no hold is fitted by itself."""
+    asked, values = [], {"f0": 0.6, "A": 0.008, "B": 0.011, "L": 1e-5}
+
+    def fit(self, part, steps, stress, *, start=None):
+        asked.append((self.law, start))
+        found = leaves(1.0 if self.law != law else 5.0)
+        for name, value in values.items():
+            found.parameters[name] = SimpleNamespace(value=value, std=1e-3, determined=True)
+        found.converged = self.law != law or (start is not None and again)
+        return found
+
+    monkeypatch.setattr(HowFitted, "fit", fit)
+    monkeypatch.setattr("jaxfric.runs.holds.log_likelihood", lambda found: -100 * found.rms)
+    t = np.arange(0.0, 500.0, 1.0)
+    moves = ((t < 100) | (t >= 200)) & ((t < 300) | (t >= 350))
+    record = jf.from_arrays(t, 0.6 + 0 * t, load_point_displacement=3e-6 * np.cumsum(moves))
+    second = event("hold", 300, 3e-6, 0.0), event("reload", 350, 0.0, 3e-6)
+    found = fit_holds(record, [HOLD, BACK, *second], HowFitted(MachineStiffness(1e3)))
+    assert asked == [("slip", None), ("ageing", None), (law, values)]
+    other = "ageing" if law == "slip" else "slip"
+    assert preferred(found)[0] == (other if again else None)
+    assert [list(one.fits) for one in found] == 2 * [["slip", "ageing"] if again else [other]]
+    if not again:
+        assert why_no_law(found[0]).values["law"] == law and why_no_law(found[0]) in told(found)[-1]
+
+
 @pytest.mark.parametrize(
     ("slip", "ageing", "preference", "law"),
     [
@@ -174,12 +203,16 @@ def test_hold_or_law_is_not_told_by_a_fit_that_leaves_many_times_the_scatter(
 
 
 def test_hold_or_law_why_no_law_is_told():
-    neither, one = why_no_law(hold(10.0, 0.01)), hold(10.0, 0.01, fits={"slip": leaves(1)})
+    neither, one = why_no_law(hold(10.0, 0.01)), hold(10.0, 0.01, fits={"ageing": leaves(2.0)})
     assert neither == "no fit converged (law: slip, ageing)"
-    assert why_no_law(one) == "no fit converged (law: ageing)"
+    lacks = why_no_law(one)
+    assert (lacks.code, lacks.values["law"], lacks.values["other"]) == (
+        RunReason.ONE_FIT, "slip", "ageing",
+    )  # fmt: skip
+    assert lacks.values["times"] == pytest.approx(2.0)
     assert (neither.code, neither.values) == (RunReason.NO_FIT, {"laws": ["slip", "ageing"]})
     both = dict.fromkeys(("slip", "ageing"), leaves(1))
-    assert "fitted together" in why_no_law(hold(10.0, 0.01, fits=both))
+    assert why_no_law(hold(10.0, 0.01, fits=both)).code == RunReason.ALONE
     assert why_no_law(hold(10.0, 0.01, fits=both, preference=0.1)) == ""
     made = [hold(10.0, 0.01, time=5.0), hold(20.0, 0.01, time=50.0, group=2)]
     assert "hold at 5, 50 s: laws not compared, no fit converged" in " ".join(told(made))

@@ -327,7 +327,9 @@ REASONS: Mapping[str, str] = {
     "motion_not_recorded": "friction rises more than the recorded motion can load the spring: at"
     " least {missing:u.2g} um are missing, or press and specimen are stiffer. No law is tested",
     "no_fit_under_a_law": "no fit converged (law: {laws})",
-    "not_fitted_with_the_others": "it could not be fitted together with the holds before it",
+    "no_fit_under_one_law": "no fit of the {law} law converged; this alone is no evidence for the"
+    " {other} law, whose fit leaves {times:.2g} times the scatter between rows",
+    "not_fitted_with_the_others": "no law has a fit to this hold and its neighbours together",
     "neither_law": "the better law ({law}) leaves {times:.2g} times the scatter between rows",
     # of a change of the normal stress
     "fit_did_not_converge": "the fit did not converge",

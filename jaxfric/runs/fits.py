@@ -1,6 +1,6 @@
 """The velocity steps of a run, each fitted in its window."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -114,8 +114,16 @@ class HowFitted:
         object.__setattr__(self, "law", known_law(self.law))
         refuse_few_means(self.rows)
 
-    def fit(self, part: Record, steps: VelocitySteps, normal_stress: float | None) -> Fit:
-        """Fit some rows with given steps under a normal stress [Pa]; raises like `jaxfric.fit`."""
+    def fit(
+        self,
+        part: Record,
+        steps: VelocitySteps,
+        normal_stress: float | None,
+        *,
+        start: Mapping[str, float] | None = None,
+    ) -> Fit:
+        """Fit some rows with given steps under a normal stress [Pa], from starting values (SI) by
+        name; raises like `jaxfric.fit`."""
         return fit(
             part,
             stiffness=None if self.stiffness is None else self.stiffness.at(normal_stress),
@@ -124,6 +132,7 @@ class HowFitted:
             fit_stiffness=self.fit_stiffness,
             slip_trend=self.slip_trend,
             steps=steps,
+            start=start,
             downsample_to=self.rows,
         )
 

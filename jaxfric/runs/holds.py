@@ -12,7 +12,7 @@ share A, B and L; with separate parameters for each hold the wrong law could imi
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -123,8 +123,8 @@ def fit_holds(
 ) -> tuple[Hold, ...]:
     """Return the healing of every hold under constant normal stress, fitted with both laws.
 
-    The laws are not compared for consecutive holds that cannot be fitted together. Raises
-    `InputError` if the stiffness is not known.
+    Consecutive holds that no law can fit together are fitted one by one; the laws are then not
+    compared. Raises `InputError` if the stiffness is not known.
     """
     groups: list[list[_Measured]] = []
     for window in find_holds(events, float(record.relative_time[-1])):
@@ -142,7 +142,7 @@ def fit_holds(
     for number, group in enumerate(groups, 1):
         progress(f"holds {number} of {len(groups)}, from {group[0][1].time:.6g} s")
         made = _fitted_together(record, group, how, out[-1].group + 1 if out else 1)
-        if made[0].preference is None and len(group) > 1:  # fit each hold by itself
+        if not (made[0].fits or len(group) == 1):  # fit each hold by itself
             made = [
                 replace(hold, preference=None)
                 for k, one in enumerate(group)
@@ -222,18 +222,32 @@ def _fitted_together(
         time_errors=np.array([0.0, *(event.time_error for event in events)]),
     )
     asked = () if group[0][1].missing else LAWS
-    fits = {law: found for law in asked if (found := _fitted(part, steps, first, how, law))}
+    found = {law: _fitted(part, steps, first, how, law) for law in asked}
+    for law, other in permutations(asked):
+        if found[law] is None and found[other] is not None:
+            found[law] = _fitted(part, steps, first, how, law, found[other])
+    fits = {law: fit for law, fit in found.items() if fit is not None}
     both = len(fits) == len(LAWS)
     preference = log_likelihood(fits["slip"]) - log_likelihood(fits["ageing"]) if both else None
     return [replace(hold, fits=fits, preference=preference, group=number) for _, hold in group]
 
 
 def _fitted(
-    part: Record, steps: VelocitySteps, event: Event, how: HowFitted, law: str
+    part: Record,
+    steps: VelocitySteps,
+    event: Event,
+    how: HowFitted,
+    law: str,
+    other: Fit | None = None,
 ) -> Fit | None:
-    """Return the fit of one law; None if it is not possible or does not converge."""
+    """Return the fit of one law; None if it is not possible or does not converge. It starts from
+    the parameters of the `other` law's fit, if that is given."""
+    how = replace(how, law=law, states=1)
+    start = None
+    if other is not None:
+        start = {name: other.parameters[name].value for name in ("f0", "A", "B", "L")}
     try:
-        found = replace(how, law=law, states=1).fit(part, steps, event.normal_stress)
+        found = how.fit(part, steps, event.normal_stress, start=start)
     except InputError:
         return None
     return found if found.converged else None
@@ -288,8 +302,11 @@ def why_no_law(hold: Hold) -> str:
     if hold.missing:
         return warned(RunReason.MOTION_LACKS, missing=hold.missing)
     if hold.preference is None:
-        laws = [law for law in LAWS if law not in hold.fits]
-        return warned(RunReason.NO_FIT, laws=laws) if laws else warned(RunReason.ALONE)
+        if len(hold.fits) == 1:
+            ((other, fit),) = hold.fits.items()
+            law = LAWS[other == LAWS[0]]
+            return warned(RunReason.ONE_FIT, law=law, other=other, times=excess(fit))
+        return warned(RunReason.ALONE) if hold.fits else warned(RunReason.NO_FIT, laws=list(LAWS))
     law = LAWS[hold.preference < 0]
     times = excess(hold.fits[law]) if law in hold.fits else 0.0
     return warned(RunReason.NEITHER, law=law, times=times) if times > _MANY else ""

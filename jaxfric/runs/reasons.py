@@ -39,6 +39,8 @@ class RunReason(StrEnum):
     """Values: missing, least motion that is not recorded [m]."""
     NO_FIT = "no_fit_under_a_law"
     """Values: laws."""
+    ONE_FIT = "no_fit_under_one_law"
+    """Values: law (without a fit), other (law), times the scatter of rows that the other leaves."""
     ALONE = "not_fitted_with_the_others"
     NEITHER = "neither_law"
     """Values: law (the better), times the scatter of neighbouring rows."""
