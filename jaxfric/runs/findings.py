@@ -61,7 +61,7 @@ class Findings:
 
 
 def _hold(hold: Hold) -> dict[str, object]:
-    own = ("time", "lasts", "velocity", "normal_stress", "creep", "healing", "error")
+    own = ("time", "lasts", "velocity", "normal_stress", "creep", "healing", "error", "creep_error")
     return entries(hold, *own, "preference", "group") | {
         **reasoned(of_holds.why_no_law(hold), "no_law"),
         "missing_motion": hold.missing or None,

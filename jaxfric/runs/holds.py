@@ -55,7 +55,8 @@ has up to 4 in measured noise."""
 class Hold:
     """A hold of `lasts` [s] at `time` [s], from and to sliding at `velocity` [m/s].
 
-    `creep` is the decrease of friction during the hold (None: not recorded), `healing` the height
+    `creep` is the decrease of friction during the hold (None: not recorded), with standard error
+    `creep_error` (of noise, and of the line's shape at the end of the hold), `healing` the height
     of the peak after the hold above the level before the hold, with standard `error` (of noise,
     white and slow, and of the peak's shape). `fits` are
     the converged fits by law, to all holds with the same number `group`. `preference` is the
@@ -75,6 +76,7 @@ class Hold:
     preference: float | None
     group: int = 1
     missing: float = 0.0
+    creep_error: float = 0.0
 
 
 class HoldWindow(NamedTuple):
@@ -163,7 +165,7 @@ def _healed(record: Record, window: HoldWindow, how: HowFitted) -> Hold | None:
     seen = _heal(part, event.time - begin, window.back - begin)
     if seen is None:
         return None
-    creep, healing, error, spread = seen
+    creep, creep_error, healing, error, spread = seen
     K = None if how.stiffness is None else how.stiffness.at(event.normal_stress)
     missing = missing_motion(part, event.time - begin, K, spread)
     return Hold(
@@ -177,6 +179,7 @@ def _healed(record: Record, window: HoldWindow, how: HowFitted) -> Hold | None:
         fits={},
         preference=None,
         missing=missing,
+        creep_error=creep_error,
     )
 
 
@@ -255,9 +258,9 @@ def _fitted(
 
 def _heal(
     part: Record, hold: float, back: float
-) -> tuple[float | None, float, float, float] | None:
-    """Return creep, healing, its error, and the scatter of the rows before the hold; None without
-    rows, or if the normal stress changes."""
+) -> tuple[float | None, float, float, float, float] | None:
+    """Return creep and healing, each with its error, and the scatter of the rows before the hold;
+    None without rows, or if the normal stress changes."""
     t, f = part.relative_time, part.friction
     before, held, after = t < hold, (t >= hold) & (t < back), t >= back
     if min(before.sum(), after.sum()) < 2 * FEWEST:
@@ -269,13 +272,19 @@ def _heal(
     # noise of long memory is the same in all rows of a level, and another at the peak
     slow = max(float(np.var(f[before][before.sum() // 2 :])) - white**2, 0.0)
     peak = peak_of(t[after], f[after], level, white)
-    error = float(np.sqrt(peak.error**2 + np.pi / 2 * white**2 / len(steady) + 2 * slow))
-    creep = None
+    common = np.pi / 2 * white**2 / len(steady) + 2 * slow
+    error = float(np.sqrt(peak.error**2 + common))
+    creep, creep_error = None, 0.0
     late = held & (t > back - _LATE * (back - hold))
     if late.any() and held.sum() >= FEWEST:
         last = np.flatnonzero(held)[-max(int(late.sum()), FEWEST) :]
-        creep = level - float(np.polyval(np.polyfit(t[last] - back, f[last], 1), 0.0))
-    return creep, peak.value - level, error, float(np.std(steady))
+        x = (t[last] - back) / (back - t[last][0])
+        line, bent = (np.linalg.pinv(np.vander(x, n))[-1] for n in (2, 3))
+        creep = level - float(line @ f[last])
+        # what a parabola changes at the end, beyond noise
+        shape = float((bent - line) @ f[last]) ** 2 - white**2 * ((bent - line) ** 2).sum()
+        creep_error = float(np.sqrt(white**2 * (line @ line) + max(shape, 0.0) + common))
+    return creep, creep_error, peak.value - level, error, float(np.std(steady))
 
 
 def log_likelihood(found: Fit) -> float:
@@ -338,6 +347,7 @@ def rows(
             "velocity [um/s]": short(hold.velocity, scale=1e6),
             "normal_stress [MPa]": rounded(hold.normal_stress, 1e-6),
             f"creep{force}": short(hold.creep, 6),
+            f"std creep{force}": None if hold.creep is None else short(hold.creep_error, 4),
             f"healing{force}": short(hold.healing, 6),
             f"std healing{force}": short(hold.error, 4),
         }
@@ -364,7 +374,11 @@ def told(holds: Sequence[Hold], unit: str = "1", others: Sequence[Event] = ()) -
     lines = [
         f"hold of {'at most ' if hold.missing else ''}{hold.lasts:.4g} s at {hold.time:.6g} s:"
         " friction"
-        + ("" if hold.creep is None else f" creeps by {measured(hold.creep, hold.error)}{force},")
+        + (
+            ""
+            if hold.creep is None
+            else f" creeps by {measured(hold.creep, hold.creep_error)}{force},"
+        )
         + f" heals by {measured(hold.healing, hold.error)}{force}"
         for hold in holds
     ]
