@@ -748,6 +748,7 @@ GOOD = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e-4"}
         ("1,10 um/s", {"--parameters": "f0=1,A=-1,B=1,L=1um"}, ["parameter A", "must be above 0"]),
         ("1,10 um/s", {"--distinguish": "ageing"}, ["--distinguish 'ageing' names 1, not two"]),
         ("1,10 um/s", {"--distinguish": "ageing,ageing"}, ["names 1, not two that differ"]),
+        ("1,10 um/s", {"--distinguish": "ageing,second_state,base"}, ["one pair a command"]),
         ("1,10 um/s", {"--distinguish": "slip,base"}, ["both are the base model, the slip law"]),
         (
             "1,10 um/s",

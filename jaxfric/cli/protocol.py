@@ -35,9 +35,9 @@ class PlanOptions:
     slip_channel: Annotated[options.Text, options.MORE] = None
     """Plan a slip channel with this noise, '0.1 um'."""
     distinguish: options.EffectIds = ()
-    """Two effects to distinguish, 'ageing,second_state'. The name base in place of an effect is
-    the law without effects. The first line answers whether the plan distinguishes the two. The
-    base model then omits the two effects even if the file of --from has them."""
+    """Two effects to distinguish, 'ageing,second_state'; one pair a command. The name base in place
+    of an effect is the law without effects. The first line answers whether the plan distinguishes
+    the two. The base model then omits the two effects even if the file of --from has them."""
 
 
 def _base(model: options.NamedLaw, stiffness: str | None) -> "Base":
@@ -131,8 +131,8 @@ def _pair_of(ids: tuple[str, ...]) -> tuple[str, str] | None:
         return None
     if len(ids) != 2:
         raise InputError(
-            f"--distinguish '{','.join(ids)}' names {len(ids)}, not two that differ; write"
-            " --distinguish ageing,second_state, or --distinguish base,ageing"
+            f"--distinguish '{','.join(ids)}' names {len(ids)}, not two that differ; give one"
+            " pair a command, as in --distinguish ageing,second_state, or base,ageing"
         )
     return ids[0], ids[1]
 
