@@ -116,10 +116,12 @@ XLOOK_TEXT = """number of records = 424645
 """
 
 
-@pytest.mark.parametrize("first", [1, 87309])
-def test_what_xlook_prints(tmp_path: Path, first: int) -> None:
-    """Names, units, counts; a column of row numbers that has no name."""
-    body = [f"{first + i:7d} {2 * i} {15 + i / 100:.2f} 25 {i / 10:.1f} .7" for i in range(30)]
+@pytest.mark.parametrize(("first", "every"), [(1, 1), (87309, 1), (87309, 4)])
+def test_what_xlook_prints(tmp_path: Path, first: int, every: int) -> None:
+    """Names, units, counts; row numbers, of all rows or every fourth, in a column without name."""
+    body = [
+        f"{first + every * i:7d} {2 * i} {15 + i / 100:.2f} 25 {i / 10:.1f} .7" for i in range(30)
+    ]
     table = read_table(written(tmp_path, XLOOK_TEXT + "\n".join(body) + "\n"))
     assert table.names == ("row", "LP_Disp", "Shr_stress", "Nor_stress", "Time", "mod_mu1_r")
     record = read(tmp_path / "run.csv")
@@ -127,6 +129,13 @@ def test_what_xlook_prints(tmp_path: Path, first: int) -> None:
     assert record.load_point_displacement[3] == pytest.approx(6e-6)
     assert record.friction[10] == pytest.approx(15.1 / 25)
     assert record.time[-1] - record.time[0] == pytest.approx(2.9)
+
+
+def test_integers_that_rise_are_row_numbers_only_in_a_listing_of_xlook(tmp_path: Path) -> None:
+    """Without its line of counts they may be displacements, and a later column have no name."""
+    body = [f"{2 * i} {i / 10:.1f} .6{i:02d} 25" for i in range(30)]
+    table = read_table(written(tmp_path, table_text("lp_disp time mu", body)))
+    assert table.names == ("#1", "#2", "#3", "#4")
 
 
 def test_what_r_writes(tmp_path: Path) -> None:

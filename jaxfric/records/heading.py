@@ -30,8 +30,10 @@ def read_header(
 
     Without names, or with a wrong number of names, the columns are called #1, #2 and so on. The
     doubt gives the reason for names such as #1. R and xlook write a first column that counts the
-    rows and has no name; this column is called `row`.
+    rows and has no name; this column is called `row`. xlook keeps these numbers in a listing of
+    every n-th row.
     """
+    listing = any(map(is_counts, above))
     written = [line for line in above if line.strip().strip("#").strip(" \t;,\"'")]
     written = [line for line in written if not is_counts(line)]
     cells = [writing.cells(row) for row in rows]
@@ -46,7 +48,7 @@ def read_header(
         upper = _header_cells(written[-2], writing, least, most)
         if len(names) <= len(upper) <= most and _are_units(names, upper):
             below, names = [cell.strip("[]() ") for cell in names], upper
-    if len(names) == least - 1 and _count_rows(cells) and not _is_time(names[0]):
+    if len(names) == least - 1 and _count_rows(cells, listing) and not _is_time(names[0]):
         names, below = ["row", *names], None if below is None else ["", *below]
     if not least <= len(names) <= most:
         halved = writing.delimiter == "," and least == 2 * len(names)
@@ -95,12 +97,13 @@ def _labelled(
     )
 
 
-def _count_rows(rows: list[list[str]]) -> bool:
-    """Whether the first cells of the rows are integers that increase by one."""
+def _count_rows(rows: list[list[str]], thinned: bool) -> bool:
+    """Whether the first cells of the rows are integers that increase: by one, unless `thinned`."""
     first = [row[0].strip("\"'") for row in rows]
     if len(first) < 2 or not all(cell.isdecimal() for cell in first):
         return False
-    return all(int(b) == int(a) + 1 for a, b in itertools.pairwise(first))
+    steps = [int(b) - int(a) for a, b in itertools.pairwise(first)]
+    return min(steps) > 0 if thinned else set(steps) == {1}
 
 
 def _is_time(name: str) -> bool:
