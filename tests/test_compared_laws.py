@@ -29,6 +29,7 @@ from jaxfric.report.fits_table import (
     TabledFit,
     csv_rows,
     latex_text,
+    report_of_files,
     text_table,
 )
 
@@ -446,6 +447,26 @@ def test_a_table_of_fits(of_slip) -> None:
     lines = latex_text(fits, "file", records=True).splitlines()
     assert lines[2].startswith("file & law & $K$ & $a-b$") and r"[1/$\mu$m]" in lines[3]
     assert r"c.csv & ageing & $0.005$ & $" in lines[6]
+
+
+def test_the_range_of_several_records_is_that_of_what_their_table_shows(of_slip) -> None:
+    """The table has "-" for a - b where A is not determined; the first line does not give it."""
+    good = of_slip.scores[0].fit
+    loose = dataclasses.replace(good.parameters["A"], value=0.5, determined=False)
+    spread = {"parameters": {**good.parameters, "A": loose}, "covariance": 1e8 * good.covariance}
+    other = dataclasses.replace(good, **spread)
+    value = f"{good.A_minus_B.value:.3g}".replace("-", "−")
+
+    def told(*fits):
+        return report_of_files([TabledFit(f"{k}.csv", fit) for k, fit in enumerate(fits)])
+
+    report = told(good, other, good)
+    column = report.tables[0].head.index("A-B")
+    assert [row[column] == "-" for row in report.tables[0].rows] == [False, True, False]
+    signs = "2 velocity weakening, 1 of unknown sign"
+    assert report.headline[0] == f"3 of 3 records fitted: a - b is {value} in 2; {signs}"
+    assert f"a - b is {value} in each; 2 velocity" in told(good, good).headline[0]
+    assert "a - b is not determined in any; 1 of unknown sign" in told(other).headline[0]
 
 
 def test_a_fit_before_which_friction_drifts_has_a_mark_of_its_own(of_slip) -> None:

@@ -9,7 +9,7 @@ from pathlib import PurePath
 from typing import NamedTuple
 
 from ..findings import WarningCode, is_of
-from ..fitting import Fit
+from ..fitting import Estimate, Fit
 from ..fitting.misfit import COLUMN, EXCESS, excess
 from ..runs.table import BRACKETS, Cell, csv_text, estimate_cell, fit_cells, parameter_cells
 from ..schemas import FITS
@@ -202,11 +202,20 @@ def report_of_files(fits: Sequence[TabledFit]) -> Report:
             "of unknown sign": unknown,
         }
         told = ", ".join(f"{count} {sign}" for sign, count in signs.items() if count)
-        values = [rate.value for rate in rates]
-        ends = list(dict.fromkeys(f"{value:.3g}" for value in (min(values), max(values))))
-        range_ = f"is {ends[0]} in each" if len(ends) == 1 else f"is between {' and '.join(ends)}"
-        line += f": a - b {range_.replace('-', '−')}; {told}"
+        line += f": a - b {_range_of(rates)}; {told}"
     return Report([line], tables=[table], warnings=warnings)
+
+
+def _range_of(rates: Sequence[Estimate]) -> str:
+    """The range of the determined rates, and in how many fits they are, if not in all."""
+    values = [rate.value for rate in rates if rate.determined]
+    if not values:
+        return "is not determined in any"
+    ends = list(dict.fromkeys(f"{value:.3g}" for value in (min(values), max(values))))
+    place = f" in {len(values)}" if len(values) < len(rates) else ""
+    if len(ends) == 1:
+        return f"is {ends[0]}{place or ' in each'}".replace("-", "−")
+    return f"is between {' and '.join(ends)}{place}".replace("-", "−")
 
 
 def content_of_files(fits: Sequence[TabledFit]) -> dict[str, object]:
