@@ -65,6 +65,24 @@ def test_shared_values_are_the_weighted_mean():
     assert found.freedom == 3 and found.p == pytest.approx(chi2.sf(found.chi_square, 3))
 
 
+@pytest.mark.parametrize(
+    ("apart", "said", "enlarged"),
+    [
+        (2.0, "may have the same parameters (likelihood-ratio test: p = 0.26)", False),
+        (3.6, "may have the same parameters (likelihood-ratio test: p = 0.0047; ", True),
+        (4.3, "do not share their parameters", True),
+    ],
+)
+def test_noise_that_each_step_estimates_alone_rejects_no_common_values(apart, said, enlarged):
+    """Two steps that differ by some errors in A; p is that of chi-square with 3 degrees."""
+    values = (0.008, 0.008 + apart * np.sqrt(2e-8))
+    C = np.diag([1e-8, 4e-8, 1e-14])
+    made = [step(k, [A, 0.012, 1e-5], C) for k, A in enumerate(values, 1)]
+    line = told(made)[0]
+    assert said in line and ("errors enlarged" in line) == enlarged
+    assert share(made).p == pytest.approx(chi2.sf(apart**2, 3))
+
+
 def test_the_error_of_a_rejected_mean_is_that_of_steps_which_scatter():
     """Steps whose A scatters by 20 errors: the mean of 300 sets scatters by its own error, which
     their covariances give 20 times too small."""
