@@ -341,6 +341,26 @@ def test_another_law_is_a_missing_effect_under_correlated_noise(law: str, wrong:
     assert found.verdict == "model" and found.refit_rms > 2 * found.largest * found.sigma
 
 
+@pytest.mark.parametrize(("B", "L", "verdict"), [(7, 20, "noise"), (13, 8, "parameters")])
+def test_a_badly_known_length_does_not_explain_another_rock(B, L, verdict: str) -> None:
+    """A short noisy step knows L to 40 %; it predicts its own rock, and not another."""
+
+    def made(velocities, starts, end, dt, noise, B, L, f0):
+        motion, t = reference.Motion(starts, velocities), np.arange(0, end, dt)
+        law = reference.Law("slip", f0, 0.008, (1e-3 * B,), (1e-6 * L,))
+        exact = reference.solve(law, motion, 4000.0, t, rtol=1e-9)
+        friction = exact.f + np.random.default_rng(5).normal(0, noise, len(t))
+        steps = VelocitySteps(np.asarray(starts), np.asarray(velocities))
+        return from_arrays(t, friction, load_point_displacement=exact.x_m), steps
+
+    record, steps = made((1e-5, 1e-6), (0.0, 6.0), 31.0, 0.15, 1.5e-3, 7, 20, 0.69)
+    fit = jaxfric.fit(record, stiffness=4000.0, steps=steps)
+    assert fit.parameters["L"].determined and fit.parameters["L"].std > 0.2 * 20e-6
+    other, steps = made((1e-6, 1e-5, 1e-6), (0.0, 30.0, 38.0), 98.0, 0.2, 3e-4, B, L, 0.62)
+    found = jaxfric.predict(fit, other, steps=steps)
+    assert found.verdict == verdict and found.rms > found.largest * found.sigma
+
+
 # ---- what is refused -------------------------------------------------------------------------
 
 

@@ -7,6 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy import stats
+from scipy.optimize import brentq
 
 from jaxfric.prediction import axis, slider
 from jaxfric.prediction.model import SavedModel
@@ -395,9 +397,48 @@ def test_the_chance_of_a_refit_is_that_of_draws():
     moved = apart[:, 1:] @ jacobian[:, 1:].T
     gains = np.sum((moved - moved.mean(axis=1, keepdims=True)) ** 2, axis=1)
     refit = SimpleNamespace(z=np.zeros(3), error=np.zeros(rows), jacobian=jacobian)
+    at = np.zeros(3)  # no shift: the gain alone is tested
     for level in (0.5, 0.1, 0.01):
         error = 2.0 * np.sqrt(np.quantile(gains, 1 - level) / rows) * np.ones(rows)
-        found = SimpleNamespace(error=error)
+        found = SimpleNamespace(z=at, error=error)
         chance = slider._chance(setting, "after", ("f0",), found, refit, spread)
         assert chance == pytest.approx(level, rel=0.35)
     assert slider._chance(setting, "after", ("f0", "A", "B"), found, refit, spread) == 1.0
+
+
+@pytest.mark.parametrize(("loose", "at"), [((), 0.0), ((), 0.4), ((), -0.4), (("B",), 0.0)])
+def test_the_chance_of_shifts_is_that_of_chi_square(loose, at):
+    """The model hardly knows B, which would explain the fall of the sum of squares, but no shift of
+    A. B is exp z, so that its errors differ between model (`at`) and refit (0)."""
+    jacobian = np.random.default_rng(2).standard_normal((60, 3))
+    problem = SimpleNamespace(
+        model=SimpleNamespace(names=lambda: ("f0", "A", "B")), noise_scale=1.0,
+        coordinates=SimpleNamespace(slopes=lambda z: np.asarray([1.0, 1.0, np.exp(z[2])])),
+    )  # fmt: skip
+    before = np.asarray([[1.0, 0.0, 0.0], [0.0, 0.01, 0.2], [0.0, 0.2, 13.0]])
+    made = saved([UM])
+    table = made.content["after"]
+    table["free"], table["covariance"] = ["f0", "A", "B"], before.tolist()
+    for name in loose:
+        table["parameters"][name] = {"value": 1.0, "std": 3.6, "determined": False}
+    setting, spread = SimpleNamespace(saved=made, problem=problem), 0.01 * np.eye(3)
+
+    def least(a):
+        """d^T C^-1 d where it is smaller, C in closed form."""
+        if loose:
+            return a**2 / (0.01 + 0.01)
+        values = []
+        for slope in (np.exp(at), 1.0):
+            aa, ab, bb = 0.01 + 0.01, 0.2 / slope, 13.0 / slope**2 + 0.01
+            values.append((bb * a**2 + 2 * ab * a * at + aa * at**2) / (aa * bb - ab**2))
+        return min(values)
+
+    for level in (0.1, 1e-3, 1e-9):
+        limit = stats.chi2.isf(level, 1 if loose else 2)
+        a = brentq(lambda a, limit=limit: least(a) - limit, 0.03, 5.0)
+        moved = jacobian[:, 1:] @ np.asarray([a, -at])
+        basis = jacobian[:, 0] / np.linalg.norm(jacobian[:, 0])
+        found = SimpleNamespace(z=np.asarray([0.0, 0.0, at]), error=moved - basis * (basis @ moved))
+        refit = SimpleNamespace(z=np.asarray([0.3, a, 0.0]), error=np.zeros(60), jacobian=jacobian)
+        chance = slider._chance(setting, "after", ("f0",), found, refit, spread)
+        assert chance == pytest.approx(level, rel=1e-5)

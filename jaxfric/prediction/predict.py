@@ -38,9 +38,10 @@ def predict(
     The residual of the prediction is compared with the noise of the record, and with the residual
     of the same model refitted to the record. The noise of a slider is white noise and correlated
     parts, estimated from the refit; that of an axis is the scatter of neighbouring rows. If the
-    refit is better by more than the errors of both fits explain (chance below 0.1 %), the
-    parameters have changed. If the residual of the refit exceeds the noise (chance below 0.1 %),
-    the model lacks an effect for this record, or the noise is correlated farther than assumed.
+    refit is better, or its parameters differ, by more than the errors of both fits explain (chance
+    below 0.1 %), the parameters have changed. If the residual of the refit exceeds the noise
+    (chance below 0.1 %), the model lacks an effect for this record, or the noise is correlated
+    farther than assumed.
 
     Parameters
     ----------

@@ -122,9 +122,9 @@ class Prediction(Described, Drawable, Gridded, Tabular):
     """Largest rms over `sigma` that noise explains; for a slider in all but about one record of
     a thousand."""
     chance: float = 0.0
-    """Chance that a refit lowers the error as much, if no parameter has changed. It counts the
-    errors of the model and of the refit. 1 if noise explains the error; 0 for an axis, where it
-    is not computed."""
+    """Chance that a refit lowers the error as much, or shifts the parameters as far, if none has
+    changed: the smaller of both. It counts the errors of the model and of the refit. 1 if noise
+    explains the error; 0 for an axis, where it is not computed."""
 
     @property
     def rms(self) -> float:

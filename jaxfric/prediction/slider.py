@@ -286,32 +286,49 @@ def _chance(
     refit: _Found,
     spread: np.ndarray,
 ) -> float:
-    """Return the chance that a refit lowers the error as much, if no parameter has changed.
+    """Return the smaller chance of two tests, if no parameter has changed: that a refit lowers the
+    error as much, and that it shifts the parameters as far.
 
-    The sum of squares falls by d^T K d to first order. d is the difference of two estimates of the
-    parameters that only the refit moves, with the errors C of both. K = J^T J, with J less the
-    directions that both move. The distribution of d^T K d is approximated by a scaled chi-square
-    with the same mean tr(K C) and variance 2 tr(K C K C) (Satterthwaite 1946,
-    doi:10.2307/3002019).
+    d is the difference of two estimates of the parameters that only the refit moves, with the
+    errors C of both.
+
+    Gain: the sum of squares falls by d^T K d to first order. K = J^T J, with J less the directions
+    that both move. The distribution of d^T K d is approximated by a scaled chi-square with the same
+    mean tr(K C) and variance 2 tr(K C K C) (Satterthwaite 1946, doi:10.2307/3002019). One direction
+    that the model does not know dominates tr(K C), and hides shifts in the others.
+
+    Shifts (Wald): d^T C^-1 d is chi-square, with d of the parameters that the model's own record
+    determines. The errors of a badly known length are not symmetric; so C is linearised at the
+    model and at the refit, and the larger chance of both counts.
     """
     problem, table = setting.problem, setting.saved.tables()[name]
     index, fitted = _moved(setting, name, refit), _fitted(setting, name)
     own = [k for k, parameter in enumerate(fitted) if parameter not in refitted]
     if not own:
         return 1.0
+    places = [table["free"].index(fitted[k]) for k in own]
+    before = np.nan_to_num(np.asarray(table["covariance"], float)[np.ix_(places, places)])
+    errors = []
+    for z in (found.z, refit.z):
+        slopes = np.asarray(problem.coordinates.slopes(jnp.asarray(z)))[index[own]]
+        errors.append(before / np.outer(slopes, slopes) + spread[np.ix_(own, own)])
     columns = refit.jacobian[:, index]
     both = orthonormal(np.delete(columns, own, axis=1))
     alone = columns[:, own] - both @ (both.T @ columns[:, own])
-    slopes = np.asarray(problem.coordinates.slopes(jnp.asarray(refit.z)))[index[own]]
-    places = [table["free"].index(fitted[k]) for k in own]
-    before = np.asarray(table["covariance"], float)[np.ix_(places, places)]
-    errors = np.nan_to_num(before) / np.outer(slopes, slopes) + spread[np.ix_(own, own)]
-    product = alone.T @ alone @ errors
+    product = alone.T @ alone @ errors[0]
     mean, square = float(np.trace(product)), float(np.trace(product @ product))
-    gain = float(np.sum(found.error**2 - refit.error**2)) / float(problem.noise_scale) ** 2
     if not square > 0:
         return 0.0
-    return chi_square_tail(gain * mean / square, max(mean**2 / square, 1.0))
+    gain = float(np.sum(found.error**2 - refit.error**2)) / float(problem.noise_scale) ** 2
+    of_gain = chi_square_tail(gain * mean / square, max(mean**2 / square, 1.0))
+    unknown = setting.saved.undetermined()
+    known = [k for k, place in enumerate(own) if fitted[place] not in unknown]
+    apart = (refit.z - found.z)[index[own]][known]
+    of_shifts = (
+        chi_square_tail(float(apart @ np.linalg.solve(C[np.ix_(known, known)], apart)), len(known))
+        for C in errors
+    )
+    return min(of_gain, max(of_shifts))
 
 
 def _shifts(
