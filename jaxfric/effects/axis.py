@@ -23,17 +23,12 @@ from .effect import (
     RecordScales,
     always,
 )
+from .thresholds import CUT_OFF, DAMPING_FELT, LEAST_WAVES
 
 ANGLE = "angle"
 """Channel of a rotary axis: its position in radians."""
-_WAVES = 1.5
-"""Least travel, in wavelengths, that determines a wavelength."""
-_FELT = 0.1
-"""Damping force over bristle force above which a negative damping is unphysical."""
-_CUT_OFF = 1e-3
-"""Below this share of the lowest speed, a cut-off velocity only shifts Coulomb friction."""
 _CUT_OFF_LIMIT: Mapping[str, Limit] = MappingProxyType(
-    {"v_c": lambda at, scales: at.v_c < _CUT_OFF * scales.slowest}
+    {"v_c": lambda at, scales: at.v_c < CUT_OFF * scales.slowest}
 )
 
 
@@ -188,7 +183,7 @@ class AxisPositionPeriodic(AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig])
     s: Float[Array, ""] = quantity("s", "F", "sine amplitude", default=0.0)
     wavelength: Float[Array, ""] = quantity("lambda", "m", "wavelength", lower=0.0, default=1.0)
     limits = MappingProxyType(
-        {"wavelength": lambda at, scales: scales.total_slip < _WAVES * at.wavelength}
+        {"wavelength": lambda at, scales: scales.total_slip < LEAST_WAVES * at.wavelength}
     )
 
     def force(self, at: AxisPoint) -> Array:
@@ -305,7 +300,7 @@ class Presliding(AbstractAxisEffect):
     limits = MappingProxyType(
         {
             "x_c": lambda at, scales: 6 * at.x_c > scales.total_slip,
-            "sigma_1": lambda at, scales: -at.sigma_1 * scales.slowest > _FELT * at.a,
+            "sigma_1": lambda at, scales: -at.sigma_1 * scales.slowest > DAMPING_FELT * at.a,
         }
     )
 

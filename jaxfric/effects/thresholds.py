@@ -10,3 +10,9 @@ AHEAD = 0.25
 crossings."""
 LEAP_MAX = 10.0
 """Largest logarithm of a velocity's leap over its delayed value."""
+LEAST_WAVES = 1.5
+"""Least travel, in wavelengths, that determines a wavelength."""
+DAMPING_FELT = 0.1
+"""Damping force over bristle force above which a negative damping is unphysical."""
+CUT_OFF = 1e-3
+"""Below this share of the lowest speed, a cut-off velocity only shifts Coulomb friction."""

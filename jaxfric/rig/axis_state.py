@@ -19,9 +19,8 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..motion import MeasuredMotion
 from ..quantity import quantity
+from .thresholds import SERIES
 
-_SERIES = 0.1
-"""Largest x of the power series of `_mean_decay`; its second derivative is exact to 1e-13 there."""
 _COEFFICIENTS = np.asarray([(-1) ** k / math.factorial(k + 1) for k in reversed(range(11))])
 
 
@@ -159,11 +158,11 @@ class AxisRateState(AbstractAxisState):
 def _mean_decay(x: Array) -> Array:
     """Mean of exp(-s) over 0 <= s <= x, (1 - exp(-x))/x; also exact in its derivatives near 0.
 
-    Below `_SERIES` a power series replaces the quotient. There the derivatives of the quotient
+    Below `SERIES` a power series replaces the quotient. There the derivatives of the quotient
     cancel, and they overflow where x^2 underflows. The filtered position of an axis at rest at 0
     decays to such x.
     """
-    small = x < _SERIES
+    small = x < SERIES
     series = jnp.polyval(_COEFFICIENTS, jnp.where(small, x, 0.0))
     usual = jnp.where(small, 1.0, x)
     return jnp.where(small, series, -jnp.expm1(-usual) / usual)

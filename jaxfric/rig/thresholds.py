@@ -16,3 +16,6 @@ FEWEST_ROWS = 5
 """Fewest rows of a recorded normal stress, and fewest of its intervals."""
 KNOTS_OF_BLOCK = 64
 """Knots of a block: an interval is found by its block first, with few comparisons."""
+SERIES = 0.1
+"""Largest x of the power series of (1 - exp(-x))/x: its second derivative is exact to 1e-13 there.
+"""
