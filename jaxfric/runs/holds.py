@@ -226,7 +226,7 @@ def _fitted_together(
     )
     asked = () if group[0][1].missing else LAWS
     found = {law: _fitted(part, steps, first, how, law) for law in asked}
-    for law, other in permutations(asked):
+    for law, other in permutations(asked, 2):
         if found[law] is None and found[other] is not None:
             found[law] = _fitted(part, steps, first, how, law, found[other])
     fits = {law: fit for law, fit in found.items() if fit is not None}
