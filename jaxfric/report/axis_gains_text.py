@@ -27,8 +27,9 @@ def sentence(gains: AxisGains, force: str, speed: str) -> str:
             f" slope is {slope}."
         )
     return (
-        f"{text} This k_v covers two errors of the slope, {slope}. With a controller delay d, k_v"
-        " must be larger by about k_p d, and well below M/d."
+        f"{text} This k_v covers two errors of the slope, {slope}; another shape of the curve may"
+        " be steeper. With a controller delay d, k_v must be larger by about k_p d, and well below"
+        " M/d."
     )
 
 
