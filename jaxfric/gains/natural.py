@@ -32,7 +32,6 @@ def sizes(friction: LinearFriction, mass: Float[Array, " n"] | None) -> NaturalS
 
     Raises `InputError` for single precision, in which the criterion's roots overflow.
     """
-
     refuse_single_precision(friction)
 
     def one(friction: LinearFriction, mass: Array) -> NaturalSizes:

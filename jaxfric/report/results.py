@@ -73,8 +73,8 @@ def schedule(schedule: "Schedule") -> Report:
         rows.append(tuple(f"{x:.4g}{after}" for x, after in zip(numbers, more, strict=True)))
     note = "jump: factor by which velocity may change at once for the slider to settle here"
     slow, fast = rows[0][0], rows[-1][0]
-    chained = {True: "chained", False: "not chained", None: "not known to be chained"}
-    chained = chained[schedule.covered]
+    words = {True: "chained", False: "not chained", None: "not known to be chained"}
+    chained = words[schedule.covered]
     if schedule.gap is not None:
         chained = "broken between {:.3g} and {:.3g} {}".format(*schedule.gap, units[0])
     told = f"{len(rows)} set points, {slow} to {fast} {units[0]}; {chained}"
