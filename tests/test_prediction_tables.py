@@ -295,6 +295,9 @@ def test_the_error_of_a_slider_shift_counts_correlated_noise_and_its_own_fit(mon
     assert first.error == pytest.approx(np.hypot(0.1, spread[0]), rel=1e-6)
     assert second.error == pytest.approx(np.hypot(0.1, np.sinh(spread[1])), rel=1e-6)
     assert (first.model, first.here, second.here) == (1.0, 0.5, 1.0)
+    made.content["after"]["parameters"]["A"]["determined"] = False
+    first, second = slider._shifts(setting, "after", refit, of_refit)
+    assert first.error > 0 and math.isnan(second.error) and math.isnan(second.in_sigma)
 
 
 # ---- noise, and errors of the parameters -----------------------------------------------------

@@ -8,6 +8,7 @@ of the model.
 """
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -334,7 +335,9 @@ def _chance(
 def _shifts(
     setting: _SliderSetting, name: str, refit: _Found, spread: np.ndarray
 ) -> tuple[Shift, ...]:
-    """Return shifts of the parameters; `spread` is the covariance of the refit."""
+    """Return shifts of the parameters; `spread` is the covariance of the refit. The error is nan
+    where the model's own record does not determine the parameter."""
+    unknown = setting.saved.undetermined()
     table, model = setting.saved.tables()[name], setting.saved.values(name)
     free, index = _fitted(setting, name), _moved(setting, name, refit)
     deviations = np.sqrt(np.maximum(np.diag(spread), 0.0))
@@ -345,7 +348,8 @@ def _shifts(
         for z in (here - deviations[k], here + deviations[k]):
             moved = jnp.asarray(refit.z).at[index[k]].set(z)
             ends.append(float(of.from_free(moved)[index[k]]))
-        own = table["parameters"][parameter].get("std") or 0.0
+        std = table["parameters"][parameter].get("std") or 0.0
+        own = math.nan if parameter in unknown else std
         error = float(np.hypot(own, 0.5 * abs(ends[1] - ends[0])))
         out.append(Shift(parameter, model[parameter], refit.values[parameter], error))
     return tuple(out)
