@@ -16,7 +16,7 @@ K, V0, SIGMA = 1.6e3, 1e-6, 2e-4
 TIME, STEP, FASTER = np.linspace(0.0, 4.0, 81), 2.0, 10.0
 
 
-def force(p):
+def force(p, time=TIME):
     """Friction of an ageing slider after its load point has become ten times as fast."""
     f0, A, B, L = p
 
@@ -24,9 +24,9 @@ def force(p):
         V = V0 * np.exp((y[0] - f0 - B * y[1]) / A)
         return [K * (FASTER * V0 - V), V0 / L * np.exp(-y[1]) - V / L]
 
-    after = TIME[TIME > STEP]
-    found = solve_ivp(rate, (STEP, TIME[-1]), [f0, 0.0], "LSODA", after, rtol=1e-8, atol=1e-10)
-    return np.append(np.full(np.sum(TIME <= STEP), f0), found.y[0])
+    after = time[time > STEP]
+    found = solve_ivp(rate, (STEP, time[-1]), [f0, 0.0], "LSODA", after, rtol=1e-8, atol=1e-10)
+    return np.append(np.full(np.sum(time <= STEP), f0), found.y[0])
 
 
 def misfit(friction, first, free):
@@ -75,6 +75,30 @@ def test_a_sign_that_another_slip_length_turns_is_not_claimed(fitted):
             assert (fit.stability().kind == "open") == (rise < 4), (rise, fit.stability())
             assert fit.A_minus_B.determined == (rise > 4)
     assert compared >= 4
+
+
+def test_a_loop_claims_no_sign_that_another_slip_length_turns():
+    """Of two records whose train rows end early, one keeps its sign surely, one surely not."""
+    time, sigma, rng = np.linspace(0.0, 6.0, 301), 4e-4, np.random.default_rng(5)
+    exact = force((0.6, 0.008, 0.012, 10e-6), time)
+    way = jaxfric.VelocitySteps(np.array([0.0, STEP]), np.array([V0, FASTER * V0]))
+    path, noise = way.displacement(time), sigma * rng.standard_normal((4, time.size))
+    known = []
+    for noisy in (exact + noise)[2:]:
+        record = jaxfric.from_arrays(time, noisy, load_point_displacement=path)
+        loop = jaxfric.close_loop(record, stiffness=K, law="ageing", max_effects=0)
+        _, A, B, L = first = [loop.after.parameters[name].value for name in ("f0", "A", "B", "L")]
+
+        def misfit(x, free, noisy=noisy, used=loop.blocks.train):
+            left = lambda x: (force(free(x), time) - noisy)[used] / sigma  # noqa: E731
+            return 2 * least_squares(left, np.log(x), x_scale="jac").cost
+
+        equal = lambda x: np.exp([x[0], x[1], x[1], x[2]])  # noqa: E731
+        rise = min(misfit([0.6, A, n * L], equal) for n in (1, 2)) - misfit(first, np.exp)
+        assert abs(rise - 4) > 3 and loop.after.sign_is_known == (rise > 4), (rise, B)
+        assert loop.after.sign_is_known or not loop.after.A_minus_B.determined
+        known.append(loop.after.sign_is_known)
+    assert known == [True, False]
 
 
 def test_a_long_record_keeps_its_sign():

@@ -12,7 +12,7 @@ intervals.
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import jax
@@ -22,13 +22,14 @@ from jaxtyping import Array, Float
 
 from ..laws.fitted import draw_samples
 from ..rig.friction import AbstractRateState
+from ..stability.claims import SURE
 from ..stability.linear import linear_friction
 from ..stability.theorem import critical_stiffness, rice_ruina_criterion
 from ..traced import traced
 from .estimate import Estimate
 from .problem import Model, quantity_of
-from .thresholds import ENDS, SAMPLES
-from .uncertainty import QUANTILE
+from .thresholds import CLEAR_SIGN, ENDS, SAMPLES
+from .uncertainty import QUANTILE, LeastMisfit, rise_at_zero
 
 
 class Estimated(Protocol):
@@ -82,6 +83,21 @@ def rate_dependence(fit: Estimated, span: float = 0.0) -> Estimate:
         free=any(fit.parameters[n].free for n in names),
         determined=bool(names and known and np.isfinite(std)),
     )
+
+
+def sign_is_known(fit: Estimated, minimum: Callable[[], LeastMisfit]) -> bool:
+    """Whether no other slip length L fits as well with A - B of the other sign. The errors assume a
+    quadratic misfit, which rises far more slowly where a record ends too early. Several states are
+    not checked.
+
+    minimum : computes the minimum of the misfit at the parameters of `fit`.
+    """
+    value, error = difference(fit)
+    one_state = "L" in fit.parameters and len(amplitudes(fit)) == 2
+    if not (one_state and abs(value) < CLEAR_SIGN * error):
+        return True
+    length = fit.parameters["L"]
+    return rise_at_zero(minimum(), "L", length.std / length.value, signs(fit)) > SURE**2
 
 
 def critical_stiffness_of(law: AbstractRateState) -> float:

@@ -12,7 +12,7 @@ from ..findings import Finding
 from ..motion import PiecewiseVelocity
 from ..records import Record, VelocitySteps
 from ..rig import Rig
-from ..stability.claims import SURE, Claim, held_with_trend, rate_state_claim
+from ..stability.claims import Claim, held_with_trend, rate_state_claim
 from ..units import factor
 from .derived import (
     Critical,
@@ -22,6 +22,7 @@ from .derived import (
     critical_stiffness_at,
     inertia_of,
     rate_dependence,
+    sign_is_known,
     signs,
 )
 from .derived import critical_stiffness_of as critical_stiffness_of
@@ -31,9 +32,8 @@ from .findings import stability_finding
 from .noise import NoiseEstimate
 from .problem import Model, quantity_of
 from .solved import Solved
-from .thresholds import CLEAR_SIGN
 from .trend import shift_with_trend
-from .uncertainty import rise_at_zero
+from .uncertainty import minimum_of
 
 _OTHER_LENGTH = "another D_c, with A - B of the other sign, fits as well: longer steps would decide"
 DIFFERENCE = "A_minus_B"
@@ -143,16 +143,9 @@ class Fit(Described, Drawable, Gridded, Tabular):
 
     @functools.cached_property
     def _sign_is_known(self) -> bool:
-        """Whether no other slip length fits as well with A - B of the other sign. The errors assume
-        a quadratic misfit, which rises far more slowly where a record ends too early."""
-        value, error = difference(self)
-        if self.solved is None or self.model.states > 1 or not abs(value) < CLEAR_SIGN * error:
-            return True
-        problem, solution = self.solved.problem, self.solved.solution
-        index, length = problem.model.names().index("L"), self.parameters["L"]
-        weights = signs(self)
-        rise = rise_at_zero(problem, solution, index, length.std / length.value, weights)
-        return rise > SURE**2
+        """Whether no other slip length fits as well with A - B of the other sign."""
+        solved = self.solved
+        return solved is None or sign_is_known(self, lambda: minimum_of(*solved[:2]))
 
     def stability(self) -> Claim:
         """The stability claim from A and all B (and L, for a critical stiffness). The claim is made

@@ -13,7 +13,8 @@ all other parameters, has risen by q^2 C_ii/G_ii. C is the covariance of the par
 and covariance agree (Chandler & Bate 2007, doi:10.1093/biomet/asm015).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
@@ -119,18 +120,42 @@ def determined(problem: AbstractProblem, z: np.ndarray, std: np.ndarray, span: f
     return [bool(0 < QUANTILE * s < most) for s, most in zip(std, limits, strict=False)]
 
 
-def rise_at_zero(
-    problem: Problem, solution: Solution, index: int, std: float, weights: Mapping[str, int]
-) -> float:
+class LeastMisfit(NamedTuple):
+    """A minimum of the misfit of a problem, with a descent from other points."""
+
+    problem: AbstractProblem
+    z: np.ndarray
+    free: np.ndarray
+    """Indices of the free variables of z, in the order of the columns of `jacobian`."""
+    jacobian: np.ndarray
+    cost: float
+    """Sum of squares at z."""
+    descend: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, float]]
+    """Minimise from z over some indices of it; returns the end and its sum of squares."""
+
+
+def minimum_of(problem: Problem, solution: Solution) -> LeastMisfit:
+    """The solution of a fit as a minimum of its misfit."""
+
+    def descent(z: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, float]:
+        ended = descend(problem, z, free)
+        return np.array(ended.z), ended.cost
+
+    z, every = np.asarray(solution.z), np.arange(len(solution.z))
+    return LeastMisfit(problem, z, every, solution.jacobian, solution.cost, descent)
+
+
+def rise_at_zero(minimum: LeastMisfit, name: str, std: float, weights: Mapping[str, int]) -> float:
     """Least rise of the misfit if a weighted sum of parameters, such as A - B, is 0 while another
     slip length is imposed, relative to the noise; inf if it stays away from 0.
 
-    `index` is the slip length among the unbounded variables, `std` its error there. The sum has the
-    sign of the solution at a rise below 4 if the record determines this sign by two errors.
+    `name` is the slip length, `std` the error of its logarithm. The sum has the sign of the minimum
+    at a rise below 4 if the record determines this sign by two errors.
     """
-    names = problem.model.names()
-    unit = std**2 / normal_inverse(solution.jacobian)[index, index]
-    free = np.delete(np.arange(len(solution.z)), index)
+    problem, names = minimum.problem, minimum.problem.model.names()
+    index = names.index(name)
+    others = minimum.free != index
+    unit = std**2 / normal_inverse(minimum.jacobian)[~others, ~others].item()
 
     def sum_at(z: ArrayLike) -> float:
         natural = np.asarray(problem.coordinates.from_free(np.asarray(z)))
@@ -138,12 +163,11 @@ def rise_at_zero(
 
     found = np.inf
     for side in (1.0, -1.0):
-        z, last, rose = np.array(solution.z), sum_at(solution.z), 0.0
+        z, last, rose = np.array(minimum.z), sum_at(minimum.z), 0.0
         for factor in OTHER_LENGTHS:
-            z[index] = solution.z[index] + side * np.log(factor)
-            ended = descend(problem, z, free)
-            z, now = np.array(ended.z), sum_at(ended.z)
-            rise = max(ended.cost - solution.cost, 0.0) / unit
+            z[index] = minimum.z[index] + side * np.log(factor)
+            z, cost = minimum.descend(z, minimum.free[others])
+            now, rise = sum_at(z), max(cost - minimum.cost, 0.0) / unit
             if now * last <= 0:
                 found = min(found, rose + (rise - rose) * last / (last - now))
                 break

@@ -16,6 +16,7 @@ import numpy as np
 from ..effects import RecordScales
 from ..findings import Finding
 from ..fitting import Estimate
+from ..fitting.derived import sign_is_known
 from ..fitting.noise import noise_estimate, noise_words
 from ..records import Record
 from .case import Case, P
@@ -24,7 +25,7 @@ from .family import CurveRig, curve_family
 from .findings import effect_findings
 from .learn import Floor, learn_noise, noise_floor
 from .location import Bumps, locate
-from .refit import Candidate, estimates, refit
+from .refit import Candidate, estimates, minimum_at, refit
 from .refusal import Move
 from .residual_tests import structure
 from .result import CandidateScore, Loop, LoopBase, LoopDetails, Score, ScreenedEffect
@@ -181,7 +182,7 @@ def _score(
     noise = engine.noise
     residual = np.where(rows.used, engine.unit * candidate.residual[: len(rows.used)], np.nan)
     residual[list(noise.glitches.rows)] = np.nan
-    return Score(
+    score = Score(
         effects=candidate.effects,
         rms={name: candidate.rms[name] for name in NAMES},
         per_step=tuple(_rms(residual[rows.part == k]) for k in range(rows.parts)),
@@ -200,6 +201,8 @@ def _score(
         ).resolved(_apart(engine, rows.used)),
         tests=tests,
     )
+    known = sign_is_known(score, lambda: minimum_at(engine, candidate))
+    return dataclasses.replace(score, sign_is_known=known)
 
 
 def _moved(before: Score, after: Score) -> tuple[Move, ...]:

@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..fitting import Estimate
-from ..fitting.marquardt import levenberg_marquardt
+from ..fitting.marquardt import Descent, levenberg_marquardt
 from ..fitting.noise import Noise, independent_rows, innovations_of
 from ..fitting.result import tidy_unit
-from ..fitting.uncertainty import QUANTILE, determined, normal_inverse
+from ..fitting.uncertainty import QUANTILE, LeastMisfit, determined, normal_inverse
 from .engine import Engine
 from .evaluate import Rows
 from .refusal import Refusal
@@ -58,14 +58,14 @@ def refit(
             break
         found = engine.noise_of(rows.residual * engine.weight, rows.jacobian * train, near)
         near = (found.theta,)
-        z = _descend(engine, z, index, found.noise, EXACT if exact else ROUGH)
+        z, _ = _descend(engine, z, index, found.noise, EXACT if exact else ROUGH)
         rows = engine.evaluate(z, index)
     return candidate_at(engine, effects, z, rows, near)
 
 
 def _descend(
     engine: Engine, z: np.ndarray, index: np.ndarray, noise: Noise, tolerance: float
-) -> np.ndarray:
+) -> tuple[np.ndarray, Descent]:
     """Levenberg-Marquardt (MINPACK) in the parameters of `index`; the others stay.
 
     Called from Python, it compiles only the Jacobian, which screening needs anyway.
@@ -84,7 +84,23 @@ def _descend(
 
     found = levenberg_marquardt(both, z[index], ftol=tolerance, xtol=EXACT, most=TRIALS)
     z[index] = found.y
-    return z
+    return z, found
+
+
+def minimum_at(engine: Engine, candidate: Candidate) -> LeastMisfit:
+    """The minimum of the misfit of the train block near a candidate, under the noise by which its
+    `estimates` are computed."""
+    index, train = engine.free(candidate.effects), engine.weight[:, None]
+    rows = engine.evaluate(candidate.z, index)
+    noise = engine.noise_of(rows.residual * engine.weight, rows.jacobian * train).noise
+
+    def descend(z: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, float]:
+        z, found = _descend(engine, z, free, noise, EXACT)
+        return z, float(found.residual @ found.residual)
+
+    z, found = _descend(engine, candidate.z, index, noise, EXACT)
+    cost = float(found.residual @ found.residual)
+    return LeastMisfit(engine.problem, z, index, found.jacobian, cost, descend)
 
 
 def candidate_at(

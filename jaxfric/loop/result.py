@@ -1,7 +1,7 @@
 """The result of the loop: verdict, fits before and after, and all tried models."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -44,6 +44,8 @@ class Score:
     """Noise of this model's own residual."""
     tests: Mapping[str, float]
     """p-values of the residual tests on the train block, with Holm's correction."""
+    sign_is_known: bool = True
+    """Whether no other slip length fits as well with A - B of the other sign."""
 
     @property
     def A_minus_B(self) -> Estimate | None:
@@ -51,7 +53,10 @@ class Score:
 
         A - B leaves out effects that depend on velocity alone (viscous, a Stribeck curve).
         """
-        return rate_dependence(self) if amplitudes(self) else None
+        if not amplitudes(self):
+            return None
+        found = rate_dependence(self)
+        return found if self.sign_is_known else replace(found, determined=False)
 
 
 @dataclass(frozen=True)

@@ -72,7 +72,8 @@ def _with_model(loop: Loop, file: str) -> list[NextStep]:
     """What to do with the model where it describes the record."""
     if loop.verdict not in CERTAIN:
         return _next_run(loop, file)
-    steps = [_step("gains", _gains_line(loop, file))] if takes_gains(loop) else []
+    gains = takes_gains(loop) and loop.after.sign_is_known
+    steps = [_step("gains", _gains_line(loop, file))] if gains else []
     if any(one.code is LoopCode.FRICTION for one in loop.findings):
         steps.append(_step("feedforward", f"jaxfric feedforward {file}"))
     if {*loop.before.effects, *loop.effects} <= set(loop.words.catalogue):

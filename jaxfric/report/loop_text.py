@@ -63,7 +63,11 @@ def moved(loop: Loop) -> TextTable:
     rows = [_moved(loop, name, both[0].get(name), after) for name, after in both[1].items()]
     marked = tuple(k for k, row in enumerate(rows) if "." in row[0])
     head = ("name", "meaning", "before", "after ± std", "95 % interval", "shift [std]", "unit")
-    note = "shift: after minus before, in standard deviations of the fit after"
+    train = loop.blocks.train
+    note = (
+        f"fitted to {train.sum()} of {len(train)} rows (train block); shift: after minus before, in"
+        " standard deviations of the fit after"
+    )
     return TextTable("Parameters", head, rows, note, marked)
 
 
