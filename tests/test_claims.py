@@ -234,7 +234,7 @@ def fitted(*, converged=True, **undetermined):
 
 def test_a_fit_gives_the_rule_the_error_of_its_difference():
     claim = Fit.claim(fitted())
-    assert claim.kind == "open" and "0.004 ± 0.002" in claim.reasons[0]
+    assert claim.kind == "open" and "A - B, 0.004(2)," in claim.reasons[0]
     correlated = fitted()
     a, b = correlated.free.index("A"), correlated.free.index("B")
     correlated.covariance[a, b] = correlated.covariance[b, a] = 1.4e-6

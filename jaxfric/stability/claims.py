@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import option
+from ..units import measured
 from .thresholds import FALSE_ALARM, FEWEST, LARGEST_SHARE, SURE
 
 Kind = Literal["free", "damped", "critical", "open"]
@@ -120,9 +121,8 @@ def rate_state_claim(
     if not A > 0:
         return Claim("open", ("A is not positive: there is no direct effect",))
     if not abs(difference) > SURE * error:
-        return Claim(
-            "open", (f"the sign of A - B, {difference:.2g} ± {error:.1g}, is not determined",)
-        )
+        told = measured(difference, error, short=True)
+        return Claim("open", (f"the sign of A - B, {told}, is not determined",))
     return Claim("free" if difference > 0 else "critical")
 
 
@@ -140,8 +140,8 @@ def held_with_trend(claim: Claim, with_trend: Sequence[float] | None) -> Claim:
     return Claim(
         "open",
         (
-            f"with a trend of friction over slip A - B is {value:.2g} ± {error:.1g}, so its sign is"
-            f" not determined ({option('slip-trend')} fits one)",
+            f"with a trend of friction over slip A - B is {measured(value, error, short=True)}, so"
+            f" its sign is not determined ({option('slip-trend')} fits one)",
         ),
     )
 
