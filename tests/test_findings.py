@@ -1,6 +1,7 @@
 """What is claimed has its rows; taken out of the record, it is claimed no more."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 import jaxfric as jf
 from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE
 from jaxfric.findings import Severity, ranges, support, time_ranges
+from jaxfric.loop.findings import effect_findings
 from jaxfric.records import axis_from_arrays, from_arrays
 from jaxfric.records.thin import thinned
 
@@ -185,3 +187,20 @@ def test_rows_are_told_by_direction_and_as_ranges():
         ("forwards", 2, 1.0, 2.0), ("backwards", 1, 1.0, 1.0), ("at rest", 1, 0.0, 0.0)
     )  # fmt: skip
     assert ranges(rows) == [[0, 3], [4, 5]] and ranges(~rows[:1]) == []
+
+
+def test_an_effect_of_a_model_that_leaves_structure_may_be_an_imitation():
+    """A friction that jumps: a drift of the train rows lowers the misfit, but there is none."""
+    x, noise = np.linspace(0, 1, 60), SimpleNamespace(sigma=1.0, scale=np.ones(60))
+    jump = 5.0 * (x > 0.6)
+    base = SimpleNamespace(effects=(), z=None, residual=jump, bic=100.0, failed=False)
+    drift = np.polynomial.Polynomial.fit(x, jump, 1)(x)
+    final = base.__class__(effects=("d",), residual=jump - drift, noise=noise, bic=0.0)
+    search = SimpleNamespace(final=final, tried=[], base=base)
+    engine = SimpleNamespace(
+        free=lambda ids: ids, evaluate=lambda z, index: SimpleNamespace(jacobian=np.ones((60, 1)))
+    )
+    for verdict, code in (("outside_catalogue", "imitation"), ("ambiguous", "effect")):
+        (found,) = effect_findings(engine, search, verdict, np.ones(60, bool))
+        assert found.code == code and found.severity is Severity.OPEN
+        assert found.values == {"effect": "d", "delta_bic": -100.0} and found.rows.any()

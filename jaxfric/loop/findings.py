@@ -21,6 +21,9 @@ class LoopCode(StrEnum):
 
     EFFECT = "effect"
     """An effect that the base lacks; values: its id, the reduction of BIC."""
+    IMITATION = "imitation"
+    """An effect of a model that leaves structure (verdict "outside_catalogue"): it may imitate part
+    of the missing effect; values: as of `EFFECT`."""
     FRICTION = "friction"
     """Friction of an axis in one direction; values: direction, slowest and fastest speed."""
     STABILITY = "stability"
@@ -53,8 +56,10 @@ def effect_findings(
 ) -> list[Finding]:
     """A finding for each effect of a model, with its supporting rows; `used` (n) is a mask.
 
-    The severity of the finding is "claim" if the verdict is "effects", else "open".
+    The severity of the finding is "claim" if the verdict is "effects", else "open". Its code is
+    "imitation" if the verdict is "outside_catalogue".
     """
+    code = LoopCode.IMITATION if verdict == "outside_catalogue" else LoopCode.EFFECT
     severity = Severity.CLAIM if verdict == "effects" else Severity.OPEN
     found, final, n = [], search.final, len(used)
     noise = float(final.noise.sigma) * np.ravel(final.noise.scale)[:n]
@@ -64,7 +69,7 @@ def effect_findings(
         difference = (without.residual[:n] - final.residual[:n]) / noise
         jacobian = engine.evaluate(without.z, engine.free(without.effects)).jacobian[:n]
         rows = deciding_rows(difference, jacobian / noise[:, None], used, ACCEPT)
-        found.append(Finding(LoopCode.EFFECT, severity, values, rows))
+        found.append(Finding(code, severity, values, rows))
     return found
 
 

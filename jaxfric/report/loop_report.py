@@ -83,7 +83,7 @@ def headline(loop: Loop) -> str:
     if code == "outside_catalogue":
         slow = slow_alone(loop.findings, loop.test_error(loop.after), loop.held_out_threshold)
         helps = loop.effects and loop.test_error(loop.after) < loop.test_error(loop.before)
-        code = ("beyond" if helps else code) + ("_unfixed" if loop.unfixed() else "")
+        code = ("imitated" if helps else code) + ("_unfixed" if loop.unfixed() else "")
     if code == "ambiguous" and effects:
         alike = {id: listed([id, *others], "or") for id, others in confused(loop)}
         effects = [id for id in effects if id not in alike]

@@ -77,7 +77,7 @@ def _outside(told: Told, named: str, *, slow: bool) -> str:
     """What is known of what is missing: what explains a part, what would explain more, and where
     the residual sits. `slow`: slow noise may explain it."""
     helped = told.effects and told.helped
-    code = "in_part" if helped else "not_named" if told.closer else "outside"
+    code = "not_named" if told.closer else "outside"
     parts = [say(f"verdict.{'small' if told.after <= told.most else code}", after=told.after)]
     parts += [say("verdict.slow")] if slow else []
     if told.effects:

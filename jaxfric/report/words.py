@@ -25,7 +25,6 @@ TEMPLATES: Mapping[str, str] = {
     " BIC by more than {accept:g} (test error {before:.2f} sigma).",
     "verdict.outside": "The missing effect is not in the catalogue, or it changes along the"
     " record.",
-    "verdict.in_part": "Only a part of what is missing can be named.",
     "verdict.not_named": "The missing effect cannot be named.",
     "verdict.small": "The residual is as small as the noise (test error {after:.2f} sigma), but it"
     " has structure. No effect whose parameters this record determines explains it.",
@@ -34,7 +33,8 @@ TEMPLATES: Mapping[str, str] = {
     "verdict.moved": "With {named} the train block is fitted better, but {moves}, and the test"
     " block is predicted no better ({change}). This is not confirmed: the record leaves both"
     " possible.",
-    "verdict.helps": "With {named} the prediction is better ({change}).",
+    "verdict.helps": "With {named} the prediction is better ({change}); {named} may imitate part of"
+    " the missing effect.",
     "verdict.in_vain": "With {named} the train block is fitted better, but the other blocks are"
     " predicted no better ({change}).",
     "verdict.would": "{names} would lower the BIC by another {lower:.0f}, but is refused: {why}.",
@@ -56,6 +56,7 @@ TEMPLATES: Mapping[str, str] = {
     " has neither their weight nor their inertia, and an effect may stand for them: hold them"
     " still",
     "finding.effect": "{effect}",
+    "finding.imitation": "{effect}, which may imitate part of the missing effect",
     "finding.effect_or_alike": "{effect}, or what looks like it",
     "finding.friction": "friction {direction}",
     "finding.stability_free": "friction grows with speed",
@@ -128,11 +129,12 @@ TEMPLATES: Mapping[str, str] = {
     "headline.also_one_of": "Missing: {effects}; also {either} (this record cannot say which)",
     "headline.not_confirmed": "Missing: {effects}, not confirmed",
     "headline.outside_catalogue": "Something is missing that the catalogue does not explain",
-    "headline.beyond": "Beyond {effects} something is missing that the catalogue does not explain",
+    "headline.imitated": "Something is missing that the catalogue does not explain ({effects} may"
+    " imitate part of it)",
     "headline.outside_catalogue_unfixed": "Something is missing that this record does not"
     " determine",
-    "headline.beyond_unfixed": "Beyond {effects} something is missing that this record does not"
-    " determine",
+    "headline.imitated_unfixed": "Something is missing that this record does not determine"
+    " ({effects} may imitate part of it)",
     "headline.small": "{found}: errors are as small as noise, but the residual has structure"
     " ({variable}: {p})",
     "headline.slow": "{found}, or the recorder has slow noise (1/f)",
