@@ -12,7 +12,7 @@ from ..findings import Finding
 from ..motion import PiecewiseVelocity
 from ..records import Record, VelocitySteps
 from ..rig import Rig
-from ..stability.claims import Claim, held_with_trend, rate_state_claim
+from ..stability.claims import OTHER_LENGTH, Claim, held_with_trend, rate_state_claim
 from ..units import factor
 from .derived import (
     Critical,
@@ -35,7 +35,6 @@ from .solved import Solved
 from .trend import shift_with_trend
 from .uncertainty import minimum_of
 
-_OTHER_LENGTH = "another D_c, with A - B of the other sign, fits as well: longer steps would decide"
 DIFFERENCE = "A_minus_B"
 """The name of A less all B, in files and tables of data."""
 
@@ -169,7 +168,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
         known = all(self.parameters[n].determined for n in names)
         claim = rate_state_claim(A, B, error, determined=known)
         if claim.kind != "open" and not self._sign_is_known:
-            return Claim("open", (_OTHER_LENGTH,))
+            return Claim("open", (OTHER_LENGTH,))
         if claim.kind == "critical" and not all(self.parameters[n].determined for n in lengths):
             return Claim("open", ("L is not determined",))
         return claim

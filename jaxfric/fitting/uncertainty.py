@@ -163,16 +163,17 @@ def rise_at_zero(minimum: LeastMisfit, name: str, std: float, weights: Mapping[s
 
     found = np.inf
     for side in (1.0, -1.0):
-        z, last, rose = np.array(minimum.z), sum_at(minimum.z), 0.0
+        z, last, before = np.array(minimum.z), sum_at(minimum.z), 0.0
         for factor in OTHER_LENGTHS:
             z[index] = minimum.z[index] + side * np.log(factor)
             z, cost = minimum.descend(z, minimum.free[others])
-            now, rise = sum_at(z), max(cost - minimum.cost, 0.0) / unit
+            # the root of a rise is nearly linear in the parameters
+            now, root = sum_at(z), np.sqrt(max(cost - minimum.cost, 0.0) / unit)
             if now * last <= 0:
-                found = min(found, rose + (rise - rose) * last / (last - now))
+                found = min(found, before + (root - before) * last / (last - now))
                 break
-            last, rose = now, rise
-    return found
+            last, before = now, root
+    return found**2
 
 
 def profile_interval(

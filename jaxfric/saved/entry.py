@@ -34,7 +34,7 @@ from ..quantity import numbered_names
 from ..rig import Rig
 from ..rig.axis import LAW, AxisRig
 from ..schemas import FIT, LOOP
-from ..stability.claims import Claim, held_with_trend, rate_state_claim
+from ..stability.claims import OTHER_LENGTH, Claim, held_with_trend, rate_state_claim
 from .files import (
     Saved,
     is_lines,
@@ -165,7 +165,7 @@ def law_entry(content: Mapping) -> dict[str, Any]:
         origin = f"from the loop ({content['verdict']})"
         velocities = [step[-1] for step in content.get("steps", [])]
         found = content["effects"] if supported(content) == "after" else []
-        warnings = [*verdict_words(content), *_claim(about)]
+        warnings = [*verdict_words(content), *_claim(about), *_undetermined(table)]
     declared = [name.split(".")[0] for name in known if "." in name]
     return {
         "name": law,
@@ -227,8 +227,21 @@ def _doubts(content: Mapping) -> list[str]:
         math.sqrt(variance) if variance >= 0 else math.nan,
         determined=all(known[name].get("determined", True) for name in ("A", *names)),
     )
+    if claim.kind != "open" and not _is_known(content):
+        claim = Claim("open", (OTHER_LENGTH,))
     claim = held_with_trend(claim, content.get("A_minus_B_with_trend"))
     return open_words("fit", claim, "values and samples")
+
+
+def _undetermined(table: Mapping) -> list[str]:
+    """Warn if the model of a loop leaves A - B undetermined."""
+    claim = Claim("critical" if _is_known(table) else "open", ("A - B is not determined",))
+    return open_words("loop", claim, "values and samples")
+
+
+def _is_known(table: Mapping) -> bool:
+    """Whether a model of a file determines its A - B, if it has one."""
+    return (table.get("A_minus_B") or {}).get("determined", True)
 
 
 def _claim(about: Mapping) -> list[str]:

@@ -32,6 +32,8 @@ from .thresholds import FALSE_ALARM, FEWEST, LARGEST_SHARE, SURE
 Kind = Literal["free", "damped", "critical", "open"]
 """free: any k_p > 0 is stable. damped: any k_p > 0 is stable with enough k_v. critical: a critical
 stiffness exists. open: no statement is supported."""
+OTHER_LENGTH = "another D_c, with A - B of the other sign, fits as well: longer steps would decide"
+"""A reason of an open claim."""
 
 
 @dataclass(frozen=True)
