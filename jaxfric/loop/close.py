@@ -85,6 +85,8 @@ class Subject(Generic[P]):
     """K/K_cr of the base; None if there is no critical stiffness."""
     withheld: Finding | None = None
     """The reason for making no claim about missing effects; usually None."""
+    normal_stress: float | None = None
+    """As in `Loop`."""
 
 
 def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[str], None]) -> Loop:
@@ -149,6 +151,7 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
         families=told.families,
         sigma_held_out=told.sigma_held_out,
         held_out_threshold=told.held_out_threshold,
+        normal_stress=subject.normal_stress,
         seconds=time.monotonic() - begun,
     )
 

@@ -88,9 +88,8 @@ def close_loop(
         machine = MachineStiffness.parse(stiffness, record.friction_unit)
         how = HowFitted(machine, law, slip_trend="slip_trend" in asked.with_)
         return run_loop(record, events, how, downsample_to, asked, begun=begun, progress=progress)
-    subject, at = _step_subject(record, stiffness, law, steps, downsample_to, asked, progress)
-    found = close(subject, most=max_effects, begun=begun, progress=progress)
-    return dataclasses.replace(found, normal_stress=at)
+    subject = _step_subject(record, stiffness, law, steps, downsample_to, asked, progress)
+    return close(subject, most=max_effects, begun=begun, progress=progress)
 
 
 def _step_subject(
@@ -101,9 +100,9 @@ def _step_subject(
     rows: int | None,
     asked: Offered,
     progress: Callable[[str], None],
-) -> tuple[Subject[Problem], float | None]:
-    """The subject of a record of velocity steps, and the normal stress at which K holds [Pa]: of
-    the start if the normal stress changes, as n(t) is relative to the start, else the mean."""
+) -> Subject[Problem]:
+    """The subject of a record of velocity steps. K holds at the mean of the normal stress, or at
+    that of the start if the normal stress changes, because n(t) is relative to the start."""
     found_steps = steps_of(record, steps)
     record, thinning = few_rows(record, rows, found_steps, most=FITTED_ROWS)
     stress, at = _stress(record), record.mean_normal_stress
@@ -124,7 +123,7 @@ def _step_subject(
         progress=say,
     )
     refuse_failed(record, base_fit)
-    subject = slider_subject(
+    return slider_subject(
         record,
         base_fit,
         found_steps,
@@ -133,8 +132,8 @@ def _step_subject(
         changed=lambda problem: dataclasses.replace(problem, normal_stress=stress),
         fitted_times=base_fit.steps.times,
         thinning=thinning,
+        normal_stress=at,
     )
-    return subject, at
 
 
 def _stress(record: Record) -> NormalStress | None:

@@ -44,6 +44,7 @@ def slider_subject(
     shown: tuple[Record, LoopBase] | None = None,
     thinning: Sequence[str] = (),
     details: Callable[[Score], LoopDetails | None] | None = None,
+    normal_stress: float | None = None,
 ) -> Subject[Problem]:
     """The subject of a slider's record and its base fit.
 
@@ -51,7 +52,7 @@ def slider_subject(
     of these steps [s]. `levels` is the friction of later stretches of a run minus the friction of
     the first stretch. `changed` adds further properties of the record to the problem. `shown` holds
     record and base for reports, `thinning` the warnings about averaging. `details` makes further
-    results from the score of the final model.
+    results from the score of the final model. K holds at the `normal_stress` [Pa].
     """
     known, more, shown = base_fit.parameters, dict(levels or {}), shown or (record, base_fit)
     problem, felt = _problem_of(record, base_fit, found_steps, blocks, asked.effects, len(more))
@@ -77,6 +78,7 @@ def slider_subject(
         named=lambda parameters: {**parameters, "K": known["K"], "V0": known["V0"]},
         details=lambda engine, found, after, *rest: None if details is None else details(after),
         edge=edge_of(base_fit),
+        normal_stress=normal_stress,
     )
 
 
