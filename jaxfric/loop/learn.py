@@ -32,7 +32,7 @@ from ..fitting.padding import filled, padded_columns
 from ..fitting.thresholds import WIDE
 from .engine import Engine, NoiseState
 from .evaluate import Rows
-from .refit import Candidate, candidate_at, refit
+from .refit import Candidate, candidate_at, noise_at, refit
 from .screen import orthonormal
 from .split import NAMES
 from .thresholds import ASKED, HELD_OUT, SEEN, SIGNIFICANT, TRAIN_FLOOR
@@ -45,7 +45,7 @@ def seek_parts(engine: Engine, z: np.ndarray) -> Engine:
     rows = engine.evaluate(z, engine.free(()))
     if rows.failed:
         return engine
-    found = engine.noise_of(rows.residual * engine.weight, rows.jacobian * engine.weight[:, None])
+    found = noise_at(engine, rows)
     return engine.knowing(engine.noise._replace(family=found.family, noises=(found.theta,)))
 
 
@@ -154,7 +154,7 @@ def _learnt(engine: Engine, base: Candidate) -> tuple[Engine, Rows]:
         engine, found = _with_pace(engine, found, columns, train)
         engine, found = _with_scale(engine, found, columns, train)
     engine = engine.knowing(engine.noise._replace(family=found.family, noises=(found.theta,)))
-    own = engine.noise_of(rows.residual * engine.weight, rows.jacobian * engine.weight[:, None])
+    own = noise_at(engine, rows)
     return engine.knowing(engine.noise._replace(noises=(found.theta, own.theta))), rows
 
 
@@ -214,7 +214,15 @@ class Floor(NamedTuple):
 
     def misfit(self, rms: float) -> float:
         """Factor on the errors of a model with this rms error of the test block: `Loop.misfit`."""
-        return rms / self.later if self.missed(rms) > 0 else 1.0
+        return error_factor(rms / self.later, self.most["report"])
+
+
+def error_factor(test_error: float, most: float) -> float:
+    """Factor on the errors of a model, which noise alone gives: its test error in sigma if this
+    exceeds `most`, the largest that noise explains, else 1. Errors of a fit with chi2/N = s^2 grow
+    by s (Particle Data Group 2024, Review of Particle Physics, section 5.2.2).
+    """
+    return test_error if test_error > most else 1.0
 
 
 def noise_floor(engine: Engine, current: Candidate) -> Floor:

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..fitting import Estimate
 from ..fitting.marquardt import Descent, levenberg_marquardt
+from ..fitting.noise import Found as FoundNoise
 from ..fitting.noise import Noise, independent_rows, innovations_of
 from ..fitting.result import tidy_unit
 from ..fitting.uncertainty import QUANTILE, LeastMisfit, determined, normal_inverse
@@ -52,11 +53,11 @@ def refit(
     With `exact` the tolerance is 1e-6, well within the parameters' errors.
     """
     index, z, near = engine.free(effects), engine.problem.begun(z), ()
-    rows, train = engine.evaluate(z, index), engine.weight[:, None]
+    rows = engine.evaluate(z, index)
     for _ in range(PASSES):
         if rows.failed:
             break
-        found = engine.noise_of(rows.residual * engine.weight, rows.jacobian * train, near)
+        found = noise_at(engine, rows, near)
         near = (found.theta,)
         z, _ = _descend(engine, z, index, found.noise, EXACT if exact else ROUGH)
         rows = engine.evaluate(z, index)
@@ -87,12 +88,18 @@ def _descend(
     return z, found
 
 
+def noise_at(engine: Engine, rows: Rows, near: tuple[np.ndarray, ...] = ()) -> FoundNoise:
+    """Noise of the train block at a fit, with the directions of its Jacobian projected out; `near`
+    are further starting values."""
+    train = engine.weight[:, None]
+    return engine.noise_of(rows.residual * engine.weight, rows.jacobian * train, near)
+
+
 def minimum_at(engine: Engine, candidate: Candidate) -> LeastMisfit:
     """The minimum of the misfit of the train block near a candidate, under the noise by which its
     `estimates` are computed."""
-    index, train = engine.free(candidate.effects), engine.weight[:, None]
-    rows = engine.evaluate(candidate.z, index)
-    noise = engine.noise_of(rows.residual * engine.weight, rows.jacobian * train).noise
+    index = engine.free(candidate.effects)
+    noise = noise_at(engine, engine.evaluate(candidate.z, index)).noise
 
     def descend(z: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, float]:
         z, found = _descend(engine, z, free, noise, EXACT)

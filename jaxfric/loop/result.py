@@ -15,6 +15,7 @@ from ..records import Record, VelocitySteps
 from ..runs.joined import Joined
 from .axis.result import AxisDetails
 from .family import CurveFamily
+from .learn import error_factor
 from .refit import Candidate
 from .refusal import Fault, Refusal
 from .split import Blocks
@@ -275,12 +276,8 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return score.rms["report"] / self.sigma_of(self.blocks.report)
 
     def misfit(self, score: Score) -> float:
-        """Test error in sigma if noise does not explain it, else 1: a factor on errors, which
-        noise alone gives. Errors of a fit with chi2/N = s^2 grow by s (Particle Data Group 2024,
-        Review of Particle Physics, section 5.2.2).
-        """
-        error = self.test_error(score)
-        return error if error > self.held_out_threshold else 1.0
+        """Factor on the errors of a model by its test error (`learn.error_factor`)."""
+        return error_factor(self.test_error(score), self.held_out_threshold)
 
     def row_sigma(self) -> np.ndarray:
         """The noise of every row: `sigma_held_out` for held-out rows, else `sigma`."""
