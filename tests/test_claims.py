@@ -229,7 +229,7 @@ def fitted(*, converged=True, **undetermined):
     free = tuple(name for name in values if name != "K")
     sigma = np.array([1e-2, 1.5e-3, 1e-3, 1e-6, 1e-3, 1e-5])
     about = {"parameters": parameters, "free": free, "covariance": np.diag(sigma**2)}
-    return SimpleNamespace(converged=converged, _sign_is_known=True, **about)
+    return SimpleNamespace(converged=converged, _along=None, **about)
 
 
 def test_a_fit_gives_the_rule_the_error_of_its_difference():

@@ -79,6 +79,34 @@ def test_a_sign_that_another_slip_length_turns_is_not_claimed(fitted):
     assert compared >= 4
 
 
+def test_the_interval_of_a_difference_is_that_of_the_misfit():
+    """Sixty records: how often the interval holds the truth; the misfit at its ends by SciPy."""
+    time, sigma, count = np.linspace(0.0, 5.0, 101), 3e-4, 60
+    exact, rng = force((0.6, 0.010, 0.008, 6e-6), time), np.random.default_rng(4)
+    steps = jaxfric.VelocitySteps(np.array([0.0, STEP]), np.array([V0, FASTER * V0]))
+    way = steps.displacement(time)
+    noisy = exact + sigma * rng.standard_normal((count, time.size))
+    records = [jaxfric.from_arrays(time, one, load_point_displacement=way) for one in noisy]
+    fits = jaxfric.fit_many(records, stiffness=K, law="ageing", steps=[steps] * count)
+    rates = [fit.A_minus_B for fit in fits]
+    held = np.mean([rate.lower < 0.002 < rate.upper for rate in rates])
+    assert held == pytest.approx(0.95, abs=2 * np.sqrt(0.95 * 0.05 / count))
+    plain = [jaxfric.fitting.result.difference(fit) for fit in fits]
+    assert np.mean([abs(value - 0.002) < 1.96 * std for value, std in plain]) < 0.9
+    for fit, rate, one in zip(fits[:2], rates, noisy, strict=False):
+
+        def misfit(x, free, one=one):
+            left = lambda x: (force(free(x), time) - one) / sigma  # noqa: E731
+            return 2 * least_squares(left, np.log(x), x_scale="jac").cost
+
+        best = [fit.parameters[name].value for name in ("f0", "A", "B", "L")]
+        whole = misfit(best, np.exp)
+        for end in (rate.lower, rate.upper):
+            bound = lambda x, end=end: (*np.exp(x[:2]), np.exp(x[1]) - end, np.exp(x[2]))  # noqa: E731
+            rise = misfit([0.6, best[1], best[3]], bound) - whole
+            assert np.sqrt(rise) == pytest.approx(1.96, rel=0.2)
+
+
 def test_a_loop_claims_no_sign_that_another_slip_length_turns():
     """Of two records whose train rows end early, one keeps its sign surely, one surely not."""
     time, sigma, rng = np.linspace(0.0, 6.0, 301), 4e-4, np.random.default_rng(5)

@@ -27,7 +27,9 @@ def step(number, values, covariance, after=1e-5, position=0.0, stress=None, dete
     fit.residual, fit.rms = np.zeros(40), 1e-4
     noise = 1e-4 * np.random.default_rng(0).standard_normal(40)
     fit.record = SimpleNamespace(relative_time=np.arange(40.0), friction=noise)
-    fit.A_minus_B, fit.with_trend = SimpleNamespace(determined=determined), None
+    value, std = difference(fit)
+    fit.A_minus_B = SimpleNamespace(value=value, std=std, determined=determined)
+    fit.with_trend = None
     fit.noise = SimpleNamespace(sigma=1e-4, glitches=SimpleNamespace(rows=()))
     fit.steps, fit.model = SimpleNamespace(times=[0.0, 9.0]), SimpleNamespace(slip_trend=False)
     event = SimpleNamespace(before=after / 10, after=after, normal_stress=stress)

@@ -7,8 +7,8 @@ for A, -1 for every B. Correlated errors of A and B cancel in A - B.
 The critical stiffness, (B - A)/L for one state, is not linear in the parameters. The 95 % interval
 of the critical stiffness lies between the 2.5 and 97.5 percentiles of samples from the covariance.
 Positive parameters (A, L) are sampled in their logarithms, as for the intervals of A and L
-themselves. The intervals of A - B and of the critical stiffness are not profile-likelihood
-intervals.
+themselves. The interval of A - B is a profile-likelihood interval along L where L is not known
+well; the interval of the critical stiffness never is.
 """
 
 import dataclasses
@@ -22,14 +22,13 @@ from jaxtyping import Array, Float
 
 from ..laws.fitted import draw_samples
 from ..rig.friction import AbstractRateState
-from ..stability.claims import SURE
 from ..stability.linear import linear_friction
 from ..stability.theorem import critical_stiffness, rice_ruina_criterion
 from ..traced import traced
 from .estimate import Estimate
 from .problem import Model, quantity_of
-from .thresholds import CLEAR_SIGN, ENDS, SAMPLES
-from .uncertainty import QUANTILE, LeastMisfit, rise_at_zero
+from .thresholds import CLEAR_LENGTH, ENDS, SAMPLES
+from .uncertainty import QUANTILE, LeastMisfit, interval_along
 
 
 class Estimated(Protocol):
@@ -56,48 +55,72 @@ def signs(fit: Estimated) -> dict[str, int]:
 
 
 def difference(fit: Estimated) -> tuple[float, float]:
-    """A minus the sum of all B, the rate dependence of steady friction, and its standard error."""
+    """A minus the sum of all B, the rate dependence of steady friction, and its standard error for
+    a quadratic misfit."""
     sign = signs(fit)
     value = sum(fit.parameters[n].value * sign[n] for n in sign)
-    weight = np.array([sign.get(n, 0) for n in fit.free], float)
+    weight = _weights(fit)
     return value, float(np.sqrt(max(weight @ fit.covariance @ weight, 0.0)))
 
 
-def rate_dependence(fit: Estimated, span: float = 0.0) -> Estimate:
-    """A minus all B as an `Estimate`, in the unit of friction; interval: +-1.96 standard errors.
+def _weights(fit: Estimated) -> np.ndarray:
+    sign = signs(fit)
+    return np.array([sign.get(n, 0) for n in fit.free], float)
+
+
+Interval = tuple[float, float]
+"""Ends of a 95 % interval."""
+
+
+def rate_dependence(fit: Estimated, span: float = 0.0, along: Interval | None = None) -> Estimate:
+    """A minus all B as an `Estimate`, in the unit of friction; interval: +-1.96 standard errors, or
+    the interval `along` other slip lengths. The standard error is that of its longer side.
 
     A - B is determined if A and all B are determined, or if half of the interval of A - B is less
     than the `span` of friction in the record. The steady friction before and after a velocity step
-    can fix A - B even if the friction peak of the step is not resolved.
+    can fix A - B even if the friction peak of the step is not resolved. A - B is undetermined if
+    its sign is different at another slip length.
     """
     names = amplitudes(fit)
     value, std = difference(fit)
-    half = QUANTILE * std
+    lower, upper = along or (value - QUANTILE * std, value + QUANTILE * std)
+    half = max(value - lower, upper - value)
     known = all(fit.parameters[n].determined for n in names) or half < span
     return Estimate(
         value,
-        std,
-        value - half,
-        value + half,
+        half / QUANTILE,
+        lower,
+        upper,
         fit.parameters[names[0]].unit,
         free=any(fit.parameters[n].free for n in names),
-        determined=bool(names and known and np.isfinite(std)),
+        determined=bool(names and known and np.isfinite(half) and one_sign(along)),
     )
 
 
-def sign_is_known(fit: Estimated, minimum: Callable[[], LeastMisfit]) -> bool:
-    """Whether no other slip length L fits as well with A - B of the other sign. The errors assume a
-    quadratic misfit, which rises far more slowly where a record ends too early. Several states are
-    not checked.
+def one_sign(along: Interval | None) -> bool:
+    """Whether A - B has one sign in its interval `along` other slip lengths; True without it."""
+    return along is None or not along[0] <= 0 <= along[1]
+
+
+def along_length(fit: Estimated, minimum: Callable[[], LeastMisfit]) -> Interval | None:
+    """The 95 % interval of A - B along other slip lengths L, as `interval_along`; None for several
+    states, or if L is known so well that the misfit is quadratic.
+
+    Where a record ends too early after its step, other L fit nearly as well, with another A - B.
+    Errors for a quadratic misfit are then far too small.
 
     minimum : computes the minimum of the misfit at the parameters of `fit`.
     """
-    value, error = difference(fit)
-    one_state = "L" in fit.parameters and len(amplitudes(fit)) == 2
-    if not (one_state and abs(value) < CLEAR_SIGN * error):
-        return True
+    if "L" not in fit.free or len(amplitudes(fit)) != 2:
+        return None
     length = fit.parameters["L"]
-    return rise_at_zero(minimum(), "L", length.std / length.value, signs(fit)) > SURE**2
+    error = length.std / length.value
+    if not CLEAR_LENGTH < error < np.inf:
+        return None
+    total = difference(fit)[1]
+    shared = _weights(fit) @ fit.covariance[:, fit.free.index("L")] / length.std
+    within = float(np.sqrt(max(total**2 - shared**2, 0.0)))
+    return interval_along(minimum(), "L", error, signs(fit), (total, within))
 
 
 def critical_stiffness_of(law: AbstractRateState) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from ..findings import Finding, Severity, deciding_rows
 from ..stability.claims import SURE, Claim
 from .derived import Estimated, difference, signs
+from .estimate import Estimate
 from .solved import Solved
 from .uncertainty import data_part, normal_inverse
 
@@ -20,16 +21,16 @@ class FitCode(StrEnum):
 
 
 def stability_finding(
-    claim: Claim, fit: Estimated, solved: Solved | None, rows: int
+    claim: Claim, fit: Estimated, rate: Estimate, solved: Solved | None, rows: int
 ) -> tuple[Finding, ...]:
-    """The finding of a stability `claim`; empty if the claim is open. The finding refers to the few
-    of the `rows` that decide the sign of A - B. Without the deciding rows A - B would differ from 0
-    by less than two standard errors.
+    """The finding of a stability `claim` of a fit with A - B `rate`; empty if the claim is open.
+    The finding refers to the few of the `rows` that decide the sign of A - B. Without the deciding
+    rows A - B would differ from 0 by less than two standard errors.
     """
     if claim.kind == "open" or solved is None:
         return ()
     value, std = difference(fit)
-    values = {"kind": claim.kind, "A_minus_B": value, "std": std}
+    values = {"kind": claim.kind, "A_minus_B": rate.value, "std": rate.std}
     telling = _telling(solved, signs(fit), value / std)[:rows]
     return (Finding(FitCode.STABILITY, Severity.CLAIM, values, telling),)
 

@@ -17,12 +17,14 @@ from ..units import factor
 from .derived import (
     Critical,
     Inertia,
+    Interval,
+    along_length,
     amplitudes,
     critical_of,
     critical_stiffness_at,
     inertia_of,
+    one_sign,
     rate_dependence,
-    sign_is_known,
     signs,
 )
 from .derived import critical_stiffness_of as critical_stiffness_of
@@ -109,11 +111,11 @@ class Fit(Described, Drawable, Gridded, Tabular):
     @property
     def A_minus_B(self) -> Estimate:
         """A minus all B (a - b), the rate dependence of steady friction, with its standard error,
-        in the unit of friction. A negative A - B is velocity weakening.
+        in the unit of friction. A negative A - B is velocity weakening. The error includes other
+        slip lengths that fit nearly as well.
         """
-        found = rate_dependence(self, float(np.ptp(self.record.friction)))
-        known = self.converged and self._sign_is_known
-        return found if known else replace(found, determined=False)
+        found = rate_dependence(self, float(np.ptp(self.record.friction)), self._along)
+        return found if self.converged else replace(found, determined=False)
 
     def critical(self) -> Critical:
         """The critical stiffness and the ratio K/K_cr, with 95 % intervals from 4096 samples of the
@@ -141,10 +143,10 @@ class Fit(Described, Drawable, Gridded, Tabular):
         return difference(self)[0] + moved, error
 
     @functools.cached_property
-    def _sign_is_known(self) -> bool:
-        """Whether no other slip length fits as well with A - B of the other sign."""
-        solved = self.solved
-        return solved is None or sign_is_known(self, lambda: minimum_of(*solved[:2]))
+    def _along(self) -> Interval | None:
+        """The interval of A - B along other slip lengths; computed once."""
+        solved = self.solved if self.converged else None
+        return None if solved is None else along_length(self, lambda: minimum_of(*solved[:2]))
 
     def stability(self) -> Claim:
         """The stability claim from A and all B (and L, for a critical stiffness). The claim is made
@@ -155,7 +157,9 @@ class Fit(Described, Drawable, Gridded, Tabular):
     @functools.cached_property
     def findings(self) -> tuple[Finding, ...]:
         """Claims of the fit, each with the rows of the record that support it."""
-        return stability_finding(self.stability(), self, self.solved, len(self.record))
+        return stability_finding(
+            self.stability(), self, self.A_minus_B, self.solved, len(self.record)
+        )
 
     def claim(self) -> Claim:
         """The stability claim of the fitted model itself, without regard to a missing trend."""
@@ -167,7 +171,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
         A, *B = (self.parameters[n].value for n in sorted(names))
         known = all(self.parameters[n].determined for n in names)
         claim = rate_state_claim(A, B, error, determined=known)
-        if claim.kind != "open" and not self._sign_is_known:
+        if claim.kind != "open" and not one_sign(self._along):
             return Claim("open", (OTHER_LENGTH,))
         if claim.kind == "critical" and not all(self.parameters[n].determined for n in lengths):
             return Claim("open", ("L is not determined",))

@@ -145,12 +145,22 @@ def minimum_of(problem: Problem, solution: Solution) -> LeastMisfit:
     return LeastMisfit(problem, z, every, solution.jacobian, solution.cost, descent)
 
 
-def rise_at_zero(minimum: LeastMisfit, name: str, std: float, weights: Mapping[str, int]) -> float:
-    """Least rise of the misfit if a weighted sum of parameters, such as A - B, is 0 while another
-    slip length is imposed, relative to the noise; inf if it stays away from 0.
+def interval_along(
+    minimum: LeastMisfit,
+    name: str,
+    std: float,
+    weights: Mapping[str, int],
+    errors: tuple[float, float],
+) -> tuple[float, float]:
+    """95 % interval of a weighted sum of parameters, such as A - B, while another slip length is
+    imposed and all other parameters are fitted again.
 
-    `name` is the slip length, `std` the error of its logarithm. The sum has the sign of the minimum
-    at a rise below 4 if the record determines this sign by two errors.
+    `name` is the slip length, `std` the error of its logarithm. `errors` are the standard errors of
+    the sum for a quadratic misfit, in total and at a fixed slip length. The sum changes with the
+    slip length until the misfit has risen by `QUANTILE` squared, relative to the noise. The error
+    at a fixed slip length adds to this change in quadrature. For a quadratic misfit the interval is
+    thus that of the total error. An end is infinite if the misfit has not risen so far at the last
+    slip length, and the sum has changed by more than its total error allows.
     """
     problem, names = minimum.problem, minimum.problem.model.names()
     index = names.index(name)
@@ -161,19 +171,26 @@ def rise_at_zero(minimum: LeastMisfit, name: str, std: float, weights: Mapping[s
         natural = np.asarray(problem.coordinates.from_free(np.asarray(z)))
         return float(sum(weights.get(n, 0) * x for n, x in zip(names, natural, strict=False)))
 
-    found = np.inf
+    start = sum_at(minimum.z)
+    total, within = (QUANTILE * error for error in errors)
+    moved = [0.0]
     for side in (1.0, -1.0):
-        z, last, before = np.array(minimum.z), sum_at(minimum.z), 0.0
+        z, last, before = np.array(minimum.z), start, 0.0
         for factor in OTHER_LENGTHS:
             z[index] = minimum.z[index] + side * np.log(factor)
             z, cost = minimum.descend(z, minimum.free[others])
             # the root of a rise is nearly linear in the parameters
             now, root = sum_at(z), np.sqrt(max(cost - minimum.cost, 0.0) / unit)
-            if now * last <= 0:
-                found = min(found, before + (root - before) * last / (last - now))
+            if root > QUANTILE:
+                now = last + (now - last) * (QUANTILE - before) / (root - before)
+            moved.append(now - start)
+            if root > QUANTILE:
                 break
             last, before = now, root
-    return found**2
+        else:
+            if abs(moved[-1]) > total:
+                moved.append(np.copysign(np.inf, moved[-1]))
+    return start - float(np.hypot(min(moved), within)), start + float(np.hypot(max(moved), within))
 
 
 def profile_interval(

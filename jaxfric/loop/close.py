@@ -16,7 +16,7 @@ import numpy as np
 from ..effects import RecordScales
 from ..findings import Finding
 from ..fitting import Estimate
-from ..fitting.derived import sign_is_known
+from ..fitting.derived import along_length
 from ..fitting.noise import noise_estimate, noise_words
 from ..records import Record
 from .case import Case, P
@@ -204,8 +204,8 @@ def _score(
         ).resolved(_apart(engine, rows.used)),
         tests=tests,
     )
-    known = sign_is_known(score, lambda: minimum_at(engine, candidate))
-    return dataclasses.replace(score, sign_is_known=known)
+    along = along_length(score, lambda: minimum_at(engine, candidate))
+    return dataclasses.replace(score, along=along)
 
 
 def _moved(before: Score, after: Score) -> tuple[Move, ...]:

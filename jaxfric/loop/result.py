@@ -1,7 +1,7 @@
 """The result of the loop: verdict, fits before and after, and all tried models."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from ..described import Described, Drawable, Gridded, Tabular, said
 from ..findings import Finding
 from ..fitting import Estimate, Fit, NoiseEstimate
-from ..fitting.derived import amplitudes, rate_dependence
+from ..fitting.derived import Interval, amplitudes, rate_dependence
 from ..fitting.noise.thresholds import TOLD
 from ..records import Record, VelocitySteps
 from ..runs.joined import Joined
@@ -45,8 +45,8 @@ class Score:
     """Noise of this model's own residual."""
     tests: Mapping[str, float]
     """p-values of the residual tests on the train block, with Holm's correction."""
-    sign_is_known: bool = True
-    """Whether no other slip length fits as well with A - B of the other sign."""
+    along: Interval | None = None
+    """The 95 % interval of A - B along other slip lengths, as `along_length` computes it."""
 
     @property
     def A_minus_B(self) -> Estimate | None:
@@ -56,8 +56,13 @@ class Score:
         """
         if not amplitudes(self):
             return None
-        found = rate_dependence(self)
-        return found if self.sign_is_known else replace(found, determined=False)
+        return rate_dependence(self, along=self.along)
+
+    @property
+    def sign_is_known(self) -> bool:
+        """Whether the 95 % interval of A - B leaves out 0; True if the law has no A."""
+        rate = self.A_minus_B
+        return rate is None or not rate.lower <= 0 <= rate.upper
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ from ..fitting.drift import chance, trend_chance
 from ..units import measured, p_text
 from .events import mean_velocity
 from .fits import StepFit
-from .table import difference, misses
+from .table import misses
 from .weighted import weighted_line, weighted_mean
 
 _FEWEST = 4
@@ -215,10 +215,10 @@ def _estimate(step: StepFit, quantity: str) -> tuple[float, float] | None:
     if fit is None or not fit.converged:
         return None
     if quantity == "A-B":
-        own, (value, std) = fit.A_minus_B, difference(fit)
+        own = fit.A_minus_B
     else:
         own = fit.parameters["A" if quantity == "A" else _first_length(fit)]
-        value, std = own.value, own.std
+    value, std = own.value, own.std
     if not (own.determined and np.isfinite([value, std]).all()):
         return None
     return (float(np.log(value)), std / value) if quantity == "ln L" else (value, std)
@@ -236,7 +236,8 @@ def _trend_chance(steps: Sequence[StepFit]) -> float:
 
 def rate_of(fit: Fit, *, trend: bool) -> tuple[float, float]:
     """Return A-B with its standard error, of the fit with a slip trend if there is one."""
-    return (fit.with_trend if trend else None) or difference(fit)
+    own = fit.A_minus_B
+    return (fit.with_trend if trend else None) or (own.value, own.std)
 
 
 def _first_length(fit: Fit) -> str:

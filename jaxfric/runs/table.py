@@ -9,7 +9,6 @@ from ..errors import option
 from ..fitting import Estimate, Fit
 from ..fitting.drift import is_contradicted
 from ..fitting.misfit import COLUMN, excess
-from ..fitting.result import difference as difference
 from ..units import measured
 from .fits import RunFit, StepFit
 from .warned import MISSED, missed_warning

@@ -240,8 +240,11 @@ def _undetermined(table: Mapping) -> list[str]:
 
 
 def _is_known(table: Mapping) -> bool:
-    """Whether a model of a file determines its A - B, if it has one."""
-    return (table.get("A_minus_B") or {}).get("determined", True)
+    """Whether a model of a file determines its A - B with its sign, if it has one."""
+    rate = table.get("A_minus_B") or {}
+    lower, upper = rate.get("lower"), rate.get("upper")
+    one_sign = lower is None or upper is None or not lower <= 0 <= upper
+    return rate.get("determined", True) and one_sign
 
 
 def _claim(about: Mapping) -> list[str]:
