@@ -32,7 +32,7 @@ from ..fitting.padding import filled, padded_columns
 from ..fitting.thresholds import WIDE
 from .engine import Engine, NoiseState
 from .evaluate import Rows
-from .refit import Candidate, candidate_at, noise_at, refit
+from .refit import Candidate, noise_at, refit
 from .screen import orthonormal
 from .split import NAMES
 from .thresholds import ASKED, HELD_OUT, SEEN, SIGNIFICANT, TRAIN_FLOOR
@@ -67,10 +67,11 @@ def learn_noise(engine: Engine, base: Candidate) -> tuple[Engine, Candidate]:
             return engine, base
         fewer = _without_glitches(learnt, rows)
         if fewer is learnt:
-            return learnt, candidate_at(learnt, base.effects, base.z, rows)
+            break
         engine, base = _forgotten(fewer), refit(fewer, base.effects, base.z, exact=True)
-    learnt, rows = _learnt(engine, base)
-    return learnt, candidate_at(learnt, base.effects, base.z, rows)
+    else:
+        learnt, _ = _learnt(engine, base)
+    return learnt, refit(learnt, base.effects, base.z, exact=True)
 
 
 def _columns(engine: Engine, candidate: Candidate) -> tuple[Rows, np.ndarray]:
