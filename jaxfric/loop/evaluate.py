@@ -27,7 +27,7 @@ from ..fitting.encompassing import EncompassingModel
 from ..fitting.thresholds import FAILED_MISFIT
 from ..threads import go_on
 from ..traced import traced
-from .thresholds import AT_ONCE, FITTED_ROWS, FORGOTTEN, GROUPS, HEAVY, KEPT, OF_LONG
+from .thresholds import FORGOTTEN, GROUPS, HEAVY, KEPT, MORE_DIRECTIONS, PASS
 
 
 class SharedShifts:
@@ -144,6 +144,9 @@ class Evaluator(Generic[P]):
         begins, trails = (np.asarray(of)[shifts - first] for of in problem.late_steps())
         channels = 1 + len(problem.channels)
         self._shared = SharedShifts(shifts, begins, trails, np.asarray(problem.time), channels)
+        base = np.concatenate([np.arange(len(self.model.base.names())), shifts])
+        along = len(self._shared.directions(base, first + len(problem.hold))) + MORE_DIRECTIONS
+        self._size = PASS * -(-along // PASS)
         heavy = [e.id for e in self.model.effects if issubclass(e, AbstractHeavyEffect)]
         self._heavy = {id: self.model.columns((id,)) for id in heavy}
         self._apart: set[bytes] = set()
@@ -192,42 +195,33 @@ class Evaluator(Generic[P]):
         """Residual and Jacobian; shifts of step times share directions if that saves a pass."""
         problem = self.simulated(z, self.problem)
         few = self._shared.directions(index, len(z))
-        if _parts(problem, few) < _parts(problem, index) and index.tobytes() not in self._apart:
-            residual, along = _in_parts(problem, z, few, self.each)
+        fewer = self._passes(few) < self._passes(index)
+        if fewer and index.tobytes() not in self._apart:
+            residual, along = self._in_passes(problem, z, few)
             jacobian = self._shared.jacobian(along, index, len(z))
             if jacobian is not None:
                 return residual, jacobian
             self._apart.add(index.tobytes())
-        return _in_parts(problem, z, np.eye(len(z))[index], self.each)
+        return self._in_passes(problem, z, np.eye(len(z))[index])
 
+    def _passes(self, directions: np.ndarray) -> int:
+        """Number of passes for a Jacobian along these directions."""
+        return max(-(-len(directions) // self._size), 1)
 
-def _at_once(problem: AbstractProblem) -> int:
-    return AT_ONCE if len(problem.time) <= FITTED_ROWS else OF_LONG
+    def _in_passes(
+        self, problem: P, z: np.ndarray, directions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """`_evaluate` along a few directions per pass: it is compiled for one number of them."""
+        size = self._size
 
+        def one(begin: int) -> tuple[np.ndarray, np.ndarray]:
+            own = directions[begin : begin + size]
+            padded = np.pad(own, ((0, size - len(own)), (0, 0)))
+            residual, jacobian = _evaluate(problem, *jax.device_put((z, padded)))
+            return np.asarray(residual), np.asarray(jacobian)[:, : len(own)]
 
-def _parts(problem: AbstractProblem, directions: np.ndarray) -> int:
-    """Number of passes for a Jacobian along these directions."""
-    return max(-(-len(directions) // _at_once(problem)), 1)
-
-
-def _in_parts(
-    problem: AbstractProblem,
-    z: np.ndarray,
-    directions: np.ndarray,
-    each: Callable[..., list],
-) -> tuple[np.ndarray, np.ndarray]:
-    """`_evaluate` along a few directions per pass: it is compiled for one number of them."""
-    number = _at_once(problem)
-    begins = range(0, _parts(problem, directions) * number, number)
-
-    def part(begin: int) -> tuple[np.ndarray, np.ndarray]:
-        own = directions[begin : begin + number]
-        padded = np.pad(own, ((0, number - len(own)), (0, 0)))
-        residual, jacobian = _evaluate(problem, *jax.device_put((z, padded)))
-        return np.asarray(residual), np.asarray(jacobian)[:, : len(own)]
-
-    parts = each(part, begins)
-    return parts[-1][0], np.concatenate([jacobian for _, jacobian in parts], axis=1)
+        found = self.each(one, range(0, self._passes(directions) * size, size))
+        return found[-1][0], np.concatenate([jacobian for _, jacobian in found], axis=1)
 
 
 @traced

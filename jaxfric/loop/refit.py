@@ -21,7 +21,7 @@ from .engine import Engine
 from .evaluate import Rows
 from .refusal import Refusal
 from .split import NAMES
-from .thresholds import EXACT, HELD_OUT_FROM, PASSES, ROUGH, SPARED, TRIALS
+from .thresholds import EXACT, HELD_OUT_FROM, PASSES, ROUGH, SAME_NOISE, SPARED, TRIALS
 
 
 class Candidate(NamedTuple):
@@ -50,7 +50,8 @@ def refit(
     The descent ends when the sum of squares changes by less than 1e-4 of itself. This tolerance of
     the descent changes BIC by 0.1 for a thousand rows, and by more in longer records. A finer
     tolerance does not pay, because most candidates are wrong and converge slowly in flat valleys.
-    With `exact` the tolerance is 1e-6, well within the parameters' errors.
+    With `exact` the tolerance is 1e-6, well within the parameters' errors. A second descent follows
+    if the noise at the end of the first is another.
     """
     index, z, near = engine.free(effects), engine.problem.begun(z), ()
     rows = engine.evaluate(z, index)
@@ -58,6 +59,8 @@ def refit(
         if rows.failed:
             break
         found = noise_at(engine, rows, near)
+        if near and np.all(np.abs(found.theta - near[0]) < SAME_NOISE):
+            break
         near = (found.theta,)
         z, _ = _descend(engine, z, index, found.noise, EXACT if exact else ROUGH)
         rows = engine.evaluate(z, index)

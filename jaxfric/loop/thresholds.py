@@ -101,7 +101,10 @@ PRIOR = 3.0
 MOST = 8
 """Largest number of effects that a search adds; usually it ends earlier for lack of evidence."""
 PASSES = 2
-"""Descents of a fit, each with the noise of the previous residual."""
+"""Most descents of a fit, each with the noise of the previous residual."""
+SAME_NOISE = 0.05
+"""Change of the logarithms of sizes and memories of noise that needs no further descent: weights
+change by as much, and estimates by much less than their errors."""
 EXACT, ROUGH = 1e-6, 1e-4
 """Relative reduction of the sum of squares at which a descent ends."""
 TRIALS = 60
@@ -126,9 +129,10 @@ START_ROWS = 1000
 FITTED_ROWS = 8192
 """Most rows of a loop. Longer records are averaged, if this flattens no peak: on 23,790 rows of a
 gouge the results of 7,930 means are the same within a fifth of their errors, in 0.6 of the time."""
-AT_ONCE, OF_LONG = 24, 16
-"""Directions per pass, and fewer for records with more than `FITTED_ROWS` rows, where padding is
-costly."""
+PASS, MORE_DIRECTIONS = 6, 3
+"""Directions per pass: those of the base and a few more, rounded up to a multiple of `PASS`. One
+effect has one to six parameters. Each number of directions is compiled, and padding costs as much
+as a derivative: on 23,790 rows of a gouge, 12 directions take .6 of the time of 24."""
 HEAVY = 2
 """Factor on the largest number of solver steps for a heavy effect."""
 KEPT = 32 * 2**20
