@@ -222,9 +222,9 @@ def test_two_states() -> None:
 def test_a_fit_that_did_not_converge_claims_nothing_and_nobody_takes_it(monkeypatch) -> None:
     from jaxfric.fitting import assemble
 
-    def ended_early(record, steps, sign, solved, **options):
+    def ended_early(solved, profile):
         early = solved._replace(solution=solved.solution._replace(converged=False))
-        return assemble.assemble(record, steps, sign, early, **options)
+        return assemble.assemble(early, profile)
 
     before = run("fit", "run.csv", *STIFFNESS, "--out", "good")
     good = Path("good/fit.json").read_bytes()

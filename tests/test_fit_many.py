@@ -6,10 +6,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import jaxfric
 from fits.many.__main__ import made
 from jaxfric.fitting import minimise
+from jaxfric.fitting.fit import with_shared_noise
 
 SEEDS = (0, 1, 2)
 
@@ -58,6 +60,36 @@ def test_the_truth_is_within_the_errors(fits):
 def test_a_record_without_friction_s_memory_spoils_no_other(fits):
     open_ = [name for name, one in fits[3].parameters.items() if not one.determined]
     assert not fits[3].converged or open_
+
+
+def test_fits_of_one_gauge_share_the_parts_of_their_noise(fits):
+    """AR(1) noise by SciPy, of three sizes. Their errors are those of the dense covariance."""
+    rng, n, keep = np.random.default_rng(3), len(RECORDS[0]), np.exp(-1 / 15)
+    sizes = np.array([1.0, 3.0, 0.4])
+    slow = lfilter([np.sqrt(1 - keep**2)], [1, -keep], rng.normal(size=(3, n + 200)))[:, 200:]
+    rows = fits[0].predicted + 1e-4 * sizes[:, None] * (slow + 0.5 * rng.normal(size=(3, n)))
+    several = [dataclasses.replace(RECORDS[0], friction=one) for one in rows]
+    alone = jaxfric.fit_many(several, stiffness=STIFFNESS[0], steps=STEPS[0])
+    shared = with_shared_noise(alone)
+    assert len({one.noise.parts for one in alone}) == 3
+    ((part,),) = {one.noise.parts for one in shared}
+    assert part.share == pytest.approx(0.8, abs=0.1)
+    found = np.array([one.noise.sigma for one in shared]) / np.hypot(1, 0.5) / 1e-4
+    np.testing.assert_allclose(found, sizes, rtol=0.25)
+    for one, other in zip(shared, alone, strict=True):
+        assert [p.value for p in one.parameters.values()] == [
+            p.value for p in other.parameters.values()
+        ]
+        problem, solution = one.solved.problem, one.solved.solution
+        clock, weight = np.asarray(problem.clock)[:n], np.asarray(problem.weight)[:n]
+        apart = (clock[:, None] - clock).reshape(-1, 3)
+        R = one.noise.correlation(apart).reshape(n, n)
+        R[np.diag_indices(n)] = 1.0
+        P = np.linalg.pinv(weight[:, None] * np.asarray(solution.jacobian)[:n])
+        dense = P @ R @ P.T * (one.noise.sigma / float(problem.noise_scale)) ** 2
+        A = one.free.index("A")
+        slope = problem.coordinates.slopes(np.asarray(solution.z))[A]
+        assert one.parameters["A"].std == pytest.approx(slope * np.sqrt(dense[A, A]), rel=1e-6)
 
 
 def test_derivatives_of_the_fit_by_its_record_are_those_of_refits(fits):

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.linalg import cholesky, null_space, solve_triangular, toeplitz
+from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 
 from jaxfric.fitting.noise import (
@@ -19,6 +20,7 @@ from jaxfric.fitting.noise import (
     Resonator,
     coloured,
     estimate_noise,
+    estimate_together,
     innovations,
     limit_of_negative,
     limits_of,
@@ -575,6 +577,50 @@ def test_a_noise_like_another_has_its_parts_and_its_own_sizes(monkeypatch):
     assert again.family == found.family
     assert again.value == pytest.approx(found.value, abs=0.05)
     np.testing.assert_allclose(again.theta, found.theta, atol=0.1)
+
+
+def autoregressive(rng, n, memory):
+    """Unit variance, exp(-1/memory) from row to row."""
+    keep = np.exp(-1 / memory)
+    driven = np.append(rng.normal(), np.sqrt(1 - keep**2) * rng.normal(size=n - 1))
+    return lfilter([1.0], [1.0, -keep], driven)
+
+
+def test_residuals_that_share_their_noise_determine_it_together():
+    """Its share and memory maximise the sum of dense restricted likelihoods, and every residual has
+    its own sigma. A residual of white noise keeps its own."""
+    rng, n = np.random.default_rng(4), 200
+    time, sizes, most = np.arange(n) * 1.0, (1.0, 3.0, 0.5, 2.0, 1.0), np.asarray(90.0)
+    X = np.column_stack([np.ones(n), time, np.exp(-time / 30)])
+    made = [s * (autoregressive(rng, n, 20.0) + 0.6 * rng.normal(size=n)) for s in sizes]
+    white = rng.normal(size=n)
+    records = [noise_rows(time, np.ones(n), y, X, most) for y in (*made, white)]
+    family, start = Family((Exponential.over(0),)), [np.array([0.0, 2.0])]
+    own = [profile_noise(one, family, start) for one in records[:-1]]
+    own.append(profile_noise(records[-1], Family(), [np.zeros(0)]))
+    found = estimate_together(records, own)
+    assert found[-1] is own[-1]
+
+    def dense(theta):
+        """Log-likelihood and sigmas; theta: ln of correlated over white variance, ln of memory."""
+        share = 1 / (1 + np.exp(-theta[0]))
+        R = share * np.exp(-np.abs(time[:, None] - time) / np.exp(theta[1]))
+        inverse = np.linalg.inv(R + (1 - share) * np.eye(n))
+        gram = X.T @ inverse @ X
+        W = inverse - inverse @ X @ np.linalg.solve(gram, X.T @ inverse)
+        variances = np.array([y @ W @ y for y in made]) / (n - 3)
+        logs = np.linalg.slogdet(gram)[1] - np.linalg.slogdet(inverse)[1]
+        return -0.5 * np.sum((n - 3) * np.log(variances) + logs), np.sqrt(variances)
+
+    theta = found[0].theta
+    here, sigmas = dense(theta)
+    for step in 0.2 * np.eye(2):
+        below, above = (dense(theta + side * step)[0] for side in (-1, 1))
+        off = 0.1 * (above - below) / (2 * here - above - below)
+        assert 2 * here > above + below and abs(off) < 0.03
+    for one, sigma in zip(found[:-1], sigmas, strict=True):
+        np.testing.assert_array_equal(one.theta, theta)
+        assert float(one.noise.sigma) == pytest.approx(sigma, rel=1e-5)
 
 
 def rho(d, beta):

@@ -227,6 +227,20 @@ def test_a_step_that_cannot_be_fitted_keeps_its_row_and_its_reason(two_fits):
     assert "normal stress" in told and "holds" in told
 
 
+def test_every_step_gets_its_fit_with_the_noise_of_all(two_fits, monkeypatch):
+    """In order, past a step without a fit; `test_fit_many` tests the noise itself."""
+    result, press = two_fits
+    bad, good = (step.event for step in result.steps)
+    fit = result.steps[1].fit
+    monkeypatch.setattr(HowFitted, "fit", lambda *_: fit)
+    counted = lambda fits: [replace(one, iterations=k) for k, one in enumerate(fits, 5)]  # noqa: E731
+    monkeypatch.setattr("jaxfric.runs.fits.with_shared_noise", counted)
+    how = HowFitted(MachineStiffness(press.K))
+    few = replace(bad, start=bad.time, stop=bad.time)
+    steps = fit_run(result.record, [good, few, good], how).steps
+    assert [step.fit and step.fit.iterations for step in steps] == [5, None, 6]
+
+
 def test_the_difference_has_the_error_of_its_covariance(two_fits):
     """var(A - B) = var A + var B - 2 cov(A, B)."""
     fit = two_fits[0].steps[1].fit

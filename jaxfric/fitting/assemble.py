@@ -5,7 +5,6 @@ from collections.abc import Callable
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float
 
 from ..errors import option
 from ..findings import Warned, WarningCode, warned
@@ -13,7 +12,7 @@ from ..records import Record, VelocitySteps
 from ..records.rows import MIN_ROWS
 from .drift import drift_warning, runaway_warning
 from .misfit import misfit_warning
-from .noise import Noise, longest_memory, noise_estimate, noise_words
+from .noise import Noise, noise_estimate, noise_words
 from .noise.thresholds import CLEAR
 from .plausible import bounds_of
 from .problem import (
@@ -41,18 +40,12 @@ def correlation_of(covariance: np.ndarray) -> np.ndarray:
     return np.where(np.outer(known, known), covariance / units[:, None] / units, np.nan)
 
 
-def assemble(
-    record: Record,
-    steps: VelocitySteps,
-    sign: float,
-    solved: Solved,
-    *,
-    profile: Callable[[str], None] | None,
-) -> Fit:
-    """The `Fit` of a solution. `sign` is -1 if friction was negated for the fit. `profile` is the
-    progress callback of profile likelihoods; with None no profile is computed.
+def assemble(solved: Solved, profile: Callable[[str], None] | None = None) -> Fit:
+    """The `Fit` of a solution. `profile` is the progress callback of profile likelihoods; with None
+    no profile is computed.
     """
-    problem, solution, noise, glitches, written = solved
+    task, problem, solution, (noise, *_), glitches, written, longest = solved
+    record, steps, sign = task.record, task.given, task.sign
     assert isinstance(problem.model, Model)
     failed = solution.failed
     misfit = _misfit(problem, solution, len(record))
@@ -67,7 +60,7 @@ def assemble(
         if name not in estimates and value is not None:
             v = float(value)
             estimates[name] = Estimate(v, 0.0, v, v, unit_of(name, unit), free=False)
-    scale, longest = float(problem.noise_scale), longest_memory(problem.clock)
+    scale = float(problem.noise_scale)
     fit = Fit(
         record=record,
         steps=_refined(steps, problem, solution, spread),
@@ -90,7 +83,8 @@ def assemble(
     shifts = np.asarray(solution.z)[len(names) :]
     pairs = zip(np.asarray(problem.shifted), shifts, strict=True)
     moved = [(int(k), float(s)) for k, s in pairs if abs(s) > CLEAR]
-    return _warn(fit, moved, wanders=noise_wanders(problem.clock, noise))
+    fit = _warn(fit, moved, wanders=noise_wanders(noise, longest))
+    return dataclasses.replace(fit, warnings=(*task.doubts, *fit.warnings))
 
 
 def _misfit(problem: Problem, solution: Solution, rows: int) -> np.ndarray:
@@ -163,9 +157,8 @@ def _estimates(
         return estimates, spread[:p, :p] * np.outer(slopes, slopes)
 
 
-def noise_wanders(clock: Float[Array, "n k"], noise: Noise) -> bool:
+def noise_wanders(noise: Noise, longest: np.ndarray) -> bool:
     """Whether most of the noise has a correlation length at the upper limit of the noise search."""
-    longest = longest_memory(clock)
     slow = [part.share for part in noise.parts if np.asarray(part.rates) @ longest < 1 / 0.9]
     return bool(np.sum(slow) > 0.5)
 

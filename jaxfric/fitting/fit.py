@@ -9,7 +9,7 @@ the number of averaged rows. The errors of such a fit use the noise of the avera
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import jax
@@ -28,6 +28,7 @@ from ..records.teeth import slips_told
 from ..records.thin import blur, thinned
 from ..silent import silent
 from ..simulation import simulate
+from ..threads import side_by_side
 from ..units import has_dimension, parse_quantity
 from .assemble import assemble
 from .assumed import changed_stress, unsteady_start
@@ -36,8 +37,12 @@ from .loading import doubts as loading_doubts
 from .noise import (
     NO_GLITCHES,
     ROUNDS,
+    Glitches,
+    NoiseRows,
     estimate_noise,
+    estimate_together,
     find_glitches,
+    held_noise,
     least_noise,
     longest_memory,
     noise_rows,
@@ -191,19 +196,45 @@ def finished(
     """
     written = recorded_steps(task.record.friction)
     found = _noise(problem, solution, written)
-    solved, found = _without_glitches(problem, solution, found, task.steps, written)
-    problem, solution, noise, *_ = solved
+    problem, solution, found, glitches = _without_glitches(task, problem, solution, found, written)
     if not whitened and (len(problem.hold) or not solution.converged):
-        problem = problem.holding(fair_hold(problem, solution, noise))
+        problem = problem.holding(fair_hold(problem, solution, found.noise))
         solution = _settled(problem, solution)
-        noise = _noise(problem, solution, written, like=found).noise
+        found = _noise(problem, solution, written, like=found)
     if whitened and not solution.failed:
-        solution = solve(problem.whitened(noise), np.asarray(solution.z)[None], refine=1)
-        noise = _noise(problem, known_at(problem, solution.z), written, like=found).noise
-        problem = problem.whitened(noise)
+        solution = solve(problem.whitened(found.noise), np.asarray(solution.z)[None], refine=1)
+        found = _noise(problem, known_at(problem, solution.z), written, like=found)
+        problem = problem.whitened(found.noise)
         solution = _settled(problem, solution)
-    solved = solved._replace(problem=problem, solution=solution, noise=noise)
-    return assembled(task, solved, profile)
+    longest = longest_memory(problem.clock)
+    return assemble(Solved(task, problem, solution, found, glitches, written, longest), profile)
+
+
+def with_shared_noise(fits: Sequence[Fit]) -> list[Fit]:
+    """Fits of many records by one recorder, such as the steps of a run, with a noise whose
+    correlated parts are estimated from all residuals (`noise.estimate_together`).
+
+    Each record keeps its own standard deviation of the noise. The fits are those of ordinary least
+    squares.
+    """
+    known = {i: one for i, fit in enumerate(fits) if fit.converged and (one := fit.solved)}
+    longest = sum((one.longest for one in known.values()), np.zeros(()))
+    rows = [_rows(one.problem, one.solution, longest) for one in known.values()]
+    shared = estimate_together(rows, [one.found for one in known.values()])
+
+    def again(i: int, found: FoundNoise) -> Fit:
+        problem, solution, written = known[i].problem, known[i].solution, known[i].written
+        if found is known[i].found:
+            return fits[i]
+        if len(problem.hold):
+            problem = problem.holding(fair_hold(problem, solution, found.noise))
+            solution = _settled(problem, solution)
+        found = _noise(problem, solution, written, like=found, held=True)
+        solved = known[i]._replace(problem=problem, solution=solution, found=found, longest=longest)
+        return assemble(solved)
+
+    changed = dict(zip(known, side_by_side(again, known, shared), strict=True))
+    return [changed.get(i, fit) for i, fit in enumerate(fits)]
 
 
 def _settled(problem: Problem, solution: Solution) -> Solution:
@@ -214,12 +245,6 @@ def _settled(problem: Problem, solution: Solution) -> Solution:
         if solution.converged:
             break
     return solution
-
-
-def assembled(task: FitTask, solved: Solved, profile: Callable[[str], None] | None = None) -> Fit:
-    """Return the `Fit` of a solution and its noise; `assemble` explains `profile`."""
-    found = assemble(task.record, task.given, task.sign, solved, profile=profile)
-    return dataclasses.replace(found, warnings=(*task.doubts, *found.warnings))
 
 
 def require_float64() -> None:
@@ -377,29 +402,41 @@ def _solve(
     return solve(problem, problem.coordinates.to_free(starts), progress=progress)
 
 
+def _rows(problem: Problem, solution: Solution, longest: np.ndarray) -> NoiseRows:
+    """The input of a noise estimate, for correlation lengths up to `longest`."""
+    return noise_rows(problem.clock, problem.weight, *data_part(problem, solution), longest)
+
+
 def _noise(
-    problem: Problem, solution: Solution, steps: float = 0.0, like: FoundNoise | None = None
+    problem: Problem,
+    solution: Solution,
+    steps: float = 0.0,
+    like: FoundNoise | None = None,
+    *,
+    held: bool = False,
 ) -> FoundNoise:
     """Noise of the residual. Correlation lengths are limited to those that the record samples
     several times; sigma is at least the rms residual, its white part at least the quantisation
-    noise of `steps`. If `like` is given, only sizes of its parts are estimated."""
-    clock, least = problem.clock, least_noise(steps) / float(problem.noise_scale)
-    residual, jacobian = data_part(problem, solution)
-    longest = longest_memory(clock)
-    rows = noise_rows(clock, problem.weight, residual, jacobian, longest)
-    found = estimate_noise(rows, least=least, like=like)
-    size = np.sqrt(np.sum(np.square(residual)) / np.sum(np.asarray(problem.weight) > 0))
+    noise of `steps`. If `like` is given, only sizes of its parts are estimated; if it is `held`,
+    only sigma."""
+    least = least_noise(steps) / float(problem.noise_scale)
+    rows = _rows(problem, solution, longest_memory(problem.clock))
+    if like is not None and held:
+        found = held_noise(rows, like, least)
+    else:
+        found = estimate_noise(rows, least=least, like=like)
+    size = np.sqrt(np.sum(np.square(rows.columns[:, 0])) / rows.rows)
     sigma = np.maximum(found.noise.sigma, size)
     return found._replace(noise=found.noise._replace(sigma=sigma))
 
 
 def _without_glitches(
-    problem: Problem, solution: Solution, found: FoundNoise, steps: VelocitySteps, written: float
-) -> tuple[Solved, FoundNoise]:
-    """The solution and noise without outliers, searched for at most twice. `found` is the noise of
-    the fit with them; `written` is the quantisation step of friction."""
+    task: FitTask, problem: Problem, solution: Solution, found: FoundNoise, written: float
+) -> tuple[Problem, Solution, FoundNoise, Glitches]:
+    """The problem, solution and noise without outliers, searched for at most twice. `found` is the
+    noise of the fit with them; `written` is the quantisation step of friction."""
     glitches = NO_GLITCHES
-    step = np.searchsorted(np.asarray(steps.times), np.asarray(problem.time), side="right") - 1
+    step = np.searchsorted(np.asarray(task.steps.times), np.asarray(problem.time), side="right") - 1
     for _ in range(ROUNDS):
         if solution.failed:
             break
@@ -414,4 +451,4 @@ def _without_glitches(
         problem = dataclasses.replace(problem, weight=jnp.asarray(weight))
         solution = solve(problem, np.asarray(solution.z)[None], refine=1)
         found = _noise(problem, solution, written)
-    return Solved(problem, solution, found.noise, glitches, written), found
+    return problem, solution, found, glitches

@@ -26,8 +26,17 @@ from ..silent import silent
 from ..simulation import simulate
 from ..threads import at_once, side_by_side
 from ..traced import traced
-from .fit import assembled, finished, require_float64, task_of, wanted_model
-from .noise import NO_GLITCHES, least_noise, noise_of, recorded_steps
+from .assemble import assemble
+from .fit import finished, require_float64, task_of, wanted_model
+from .noise import (
+    NO_GLITCHES,
+    Family,
+    Found,
+    least_noise,
+    longest_memory,
+    noise_of,
+    recorded_steps,
+)
 from .padding import bucket, filled
 from .problem import Model, Problem
 from .result import Fit
@@ -387,4 +396,5 @@ def _white(task: FitTask, problem: Problem, solution: Solution) -> Fit:
     written = recorded_steps(task.record.friction)
     sigma = max(np.sqrt(solution.cost / free), least_noise(written) / float(problem.noise_scale))
     noise = noise_of(float(sigma), memory=np.ones(problem.clock.shape[1]))
-    return assembled(task, Solved(problem, solution, noise, NO_GLITCHES, written))
+    found, longest = Found(noise, Family(), np.zeros(0), 0.0), longest_memory(problem.clock)
+    return assemble(Solved(task, problem, solution, found, NO_GLITCHES, written, longest))

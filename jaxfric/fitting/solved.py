@@ -5,21 +5,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .noise import Glitches, Noise
+from .noise import Found, Glitches, Noise
 from .problem import Problem
 from .solve import Solution
+from .stages import FitTask
 
 
 class Solved(NamedTuple):
-    """A problem, its solution, the noise of the residual [noise scales], the excluded outliers, and
-    the quantisation step of friction (0: none detected).
+    """A task with its problem and solution, the noise found in the residual [noise scales], the
+    excluded outliers, the quantisation step of friction (0: none detected), and the longest
+    correlation length (k,) of the noise search.
     """
 
+    task: FitTask
     problem: Problem
     solution: Solution
-    noise: Noise
+    found: Found
     glitches: Glitches
     written: float
+    longest: np.ndarray
+
+    @property
+    def noise(self) -> Noise:
+        """The noise of the residual."""
+        return self.found.noise
 
     def gradient(self, weights: Mapping[str, int]) -> np.ndarray:
         """Gradient (q,) of a weighted sum of natural parameters by the unbounded variables.

@@ -10,6 +10,7 @@ from ..described import Described, Drawable, Tabular
 from ..errors import InputError, option
 from ..findings import marked
 from ..fitting import Fit, fit
+from ..fitting.fit import with_shared_noise
 from ..fitting.stiffness import MachineStiffness
 from ..laws.registry import known_law
 from ..records import Record, VelocitySteps
@@ -147,7 +148,8 @@ def fit_run(
     """Fit all events of a run that are marked for fitting.
 
     A window with more rows than `how` allows is reduced by block averaging. A step that cannot be
-    fitted is kept with the reason, and the other steps are fitted.
+    fitted is kept with the reason, and the other steps are fitted. The steps share the correlated
+    parts of their noise, because one gauge recorded them (`fitting.fit.with_shared_noise`).
 
     A run may have no steps if it has holds, stick-slip or ramps.
 
@@ -178,4 +180,9 @@ def fit_run(
     done = side_by_side(fitted, range(1, len(chosen) + 1), chosen)
     if all(step.fit is None for step in done):
         raise InputError(f"no step of the run could be fitted: {done[0].failed}")
-    return RunFit(record, tuple(events), tuple(done))
+    able = [(step, step.fit) for step in done if step.fit is not None]
+    progress("noise of all steps together")
+    fits = with_shared_noise([fit for _, fit in able])
+    again = {step.number: fit for (step, _), fit in zip(able, fits, strict=True)}
+    steps = tuple(replace(step, fit=again.get(step.number)) for step in done)
+    return RunFit(record, tuple(events), steps)

@@ -45,8 +45,8 @@ _DIFFER = 0.01
 """Below this p the errors of common parameters are enlarged, and a trend with slip is significant.
 """
 _REJECTED = 0.001
-"""Below this p common parameters are rejected. The noise of a step is estimated from few rows: of
-57 simulated runs of seven steps with common parameters and slow noise, 6 had p < .01 and 1 had p <
+"""Below this p common parameters are rejected. The noise of a run is estimated too: of 120
+simulated runs of seven steps with common parameters and slow noise, 9 had p < .01 and 1 had p <
 .001."""
 _SHOWN = 0.05
 """Below this corrected p a dependence is significant."""

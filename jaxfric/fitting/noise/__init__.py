@@ -40,6 +40,8 @@ from .search import (
     Found,
     NoiseRows,
     estimate_noise,
+    estimate_together,
+    held_noise,
     limits_of,
     longest_memory,
     noise_rows,

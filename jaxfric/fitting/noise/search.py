@@ -4,10 +4,10 @@ Damped Newton steps find the parameters of a `Family`. The derivatives are finit
 the likelihood between noises that are evaluated in one pass (`likelihood`).
 
 `estimate_noise` starts from white noise and adds a part if this lowers the BIC. If the
-autocorrelation of the residual contradicts the result, parts are exchanged. `profile_noise`
-keeps the parts and estimates their sizes anew. In a very long record the search for parts uses a
-few stretches of rows, and the estimate of their sizes more stretches. The standard deviation sigma
-and the likelihood use all rows.
+autocorrelation of the residual contradicts the result, parts are exchanged. `estimate_together`
+estimates one noise of many residuals. `profile_noise` keeps the parts and estimates their sizes
+anew. In a very long record the search for parts uses a few stretches of rows, and the estimate of
+their sizes more stretches. The standard deviation sigma and the likelihood use all rows.
 """
 
 import itertools
@@ -45,6 +45,8 @@ class NoiseRows(NamedTuple):
     limits: Limits
     rows: int
     every: Float[np.ndarray, " *n"]
+    others: "tuple[NoiseRows, ...]" = ()
+    """Other residuals with the same noise, each with its own sigma (`estimate_together`)."""
 
     @property
     def worth(self) -> float:
@@ -83,10 +85,11 @@ class NoiseRows(NamedTuple):
 
     def _values(self, noises: Noises) -> Values:
         if noises.parts:
-            return restricted(self.clock, self.weight, self.columns, self.scale, noises)
-        both = restricted_white(self.weight, self.columns, self.scale)
-        value, sigma = (np.full(len(noises.white), x) for x in both)
-        return value, sigma
+            both = restricted(self.clock, self.weight, self.columns, self.scale, noises)
+        else:
+            both = restricted_white(self.weight, self.columns, self.scale)
+        value, sigma = (np.broadcast_to(x, noises.white.shape) for x in both)
+        return value + sum(one._values(noises)[0] for one in self.others), sigma
 
     def found(self, family: Family, theta: np.ndarray, value: float, sigma: float) -> "Found":
         """The noise of a family at `theta`, with given likelihood and sigma."""
@@ -190,10 +193,48 @@ def estimate_noise(
         best, sized = like, False
     if not sized:
         best = _best_of(larger, best.family, best.theta[None])
-    if larger is not record:
-        (value,), (sigma,) = record.values(best.family, best.theta[None])
-        best = record.found(best.family, best.theta, value, sigma)
-    return not_below(record, best, least)
+    return not_below(record, best, least) if larger is record else held_noise(record, best, least)
+
+
+def estimate_together(records: Sequence[NoiseRows], own: Sequence[Found]) -> list[Found]:
+    """Restricted maximum-likelihood noise of many residuals that share its parts; each residual has
+    its own sigma.
+
+    The log-likelihoods of the residuals are added, so many short residuals together determine a
+    correlation length that none determines alone. The families of the shared noise are those of the
+    residuals' `own` noises (`estimate_noise`). A residual whose own noise is clearly likelier (BIC)
+    keeps it, and the noise of the rest is estimated again, without the residuals that differ most.
+    """
+    if len(records) < 2:
+        return list(own)
+    limits = Limits(*np.min([one.limits for one in records], axis=0))
+    some = [one._replace(limits=limits) for one in records]
+    joined = some[0]._replace(others=tuple(some[1:]))
+    worth = 0.5 * np.log(sum(one.rows for one in some))
+    families = dict.fromkeys(one.family for one in own)
+    starts = [np.stack([one.theta for one in own if one.family == f]) for f in families]
+    found = side_by_side(lambda f, theta: _best_of(joined, f, theta), families, starts)
+    best = max(found, key=lambda one: one.value - worth * one.family.parameters)
+    shared = [held_noise(one, best) for one in some]
+    gains = [
+        a.value - b.value - one.worth * max(a.family.parameters, 1)
+        for one, a, b in zip(records, own, shared, strict=True)
+    ]
+    if not max(gains) > 0:
+        return shared
+    differ = [gain >= const.ALSO_DIFFERS * max(gains) for gain in gains]
+    pairs = zip(records, own, differ, strict=True)
+    rest = [(one, alone) for one, alone, differs in pairs if not differs]
+    again = iter(estimate_together(*zip(*rest, strict=True)) if rest else ())
+    return [a if differs else next(again) for a, differs in zip(own, differ, strict=True)]
+
+
+def held_noise(record: NoiseRows, like: Found, least: float = 0.0) -> Found:
+    """The noise `like`, with the likeliest sigma for another residual; `least` as in
+    `estimate_noise`."""
+    (value,), (sigma,) = record.values(like.family, like.theta[None])
+    found = record.found(like.family, like.theta, value, sigma)
+    return not_below(record, found, least)
 
 
 def profile_noise(

@@ -56,6 +56,9 @@ SETTLED = 0.02
 FAR_FROM = 0.5
 """Velocity steps have one pace if the gain of separate paces is below this share of their BIC
 penalty."""
+ALSO_DIFFERS = 0.5
+"""Residuals that gain at least this share of the largest gain from their own noise are left out of
+a shared noise at once. The others may differ only from a noise that the first ones changed."""
 STRETCH, SOUGHT, SIZED = 1024, 8, 64
 """Rows of a stretch; stretches of a long record to search its parts in, and to size them in."""
 BETWEEN, SIZES_AROUND, MEMORIES_AROUND = (0.0, 0.5, 1.0), (-1.5, 0.0, 1.5), (-0.7, 0.0, 0.7)
