@@ -87,6 +87,9 @@ class WarningCode(StrEnum):
     """Unresolved simulations of steps between set points; values: unresolved, steps."""
     UNEVEN = "rows_at_uneven_times"
     """Values: least, most and middle time between rows, share that differs."""
+    ATTENUATED = "errors_of_the_motion_lower_the_inertia"
+    """Values: share of the inertia, in_errors (from noise alone), advice (the option of a
+    lower cutoff)."""
     UNEXPLAINED = "motion_does_not_answer_to_the_force"
     """Values: share of the rows that count."""
     SECOND_SEARCH = "searched_with_other_blocks"

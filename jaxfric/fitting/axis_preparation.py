@@ -149,6 +149,9 @@ class Prepared(NamedTuple):
     """Standard deviation of the white error of the recorded position, or velocity if there is no
     position; from the part that the default filter removes."""
     of_position: bool
+    scatter: np.ndarray
+    """rms of the white error of the recorded motion at each row (n). Where an axis is at rest, the
+    steps of its encoder are no error."""
     taken: np.ndarray
     """rms of the part of the motion that the low-pass removed, at each row (n)."""
     floor: float
@@ -166,21 +169,31 @@ class Prepared(NamedTuple):
         return self.white * 2 * np.pi * cutoff * np.sqrt(share / 3)
 
 
-def acceleration_noise(prepared: Prepared) -> float:
-    """Standard deviation of a row's acceleration error, from white noise of the recorded motion.
+def acceleration_noise(prepared: Prepared, white: float) -> float:
+    """Standard deviation of a row's acceleration error, if the recorded motion has an error of
+    standard deviation `white` in each sample."""
+    f = np.linspace(0, 0.5 / prepared.interval, const.FREQUENCIES + 1)[1:]
+    return white * float(np.sqrt(np.mean(_acceleration_gain(prepared, f) ** 2)))
 
-    White noise of the motion passes the low-pass (both ways), the central differences and the row
-    filter.
-    """
+
+def acceleration_errors(prepared: Prepared, white: float) -> np.ndarray:
+    """A random draw of the acceleration errors (n) from such an error of the recorded motion."""
+    size = prepared.rows * prepared.preparation.decimation
+    drawn = np.fft.rfft(np.random.default_rng(const.SEED).standard_normal(size))
+    gain = _acceleration_gain(prepared, np.fft.rfftfreq(size, prepared.interval))
+    return white * np.fft.irfft(drawn * gain, size)[:: prepared.preparation.decimation]
+
+
+def _acceleration_gain(prepared: Prepared, f: np.ndarray) -> np.ndarray:
+    """Gain from the recorded motion to a row's acceleration at frequencies f [Hz]: low-pass (both
+    ways), central differences, and the row filter."""
     h, every = prepared.interval, prepared.preparation.decimation
-    f = np.linspace(0, 0.5 / h, const.FREQUENCIES + 1)[1:]
     low = 1 / (1 + (f / prepared.preparation.cutoff) ** (2 * const.ORDER))
     slope = np.sin(2 * np.pi * f * h) / h
     row = np.sinc(f * every * h) / np.sinc(f * h)
     if not isinstance(prepared.forces, Means):
         row = _of_rows(f, h, every)
-    gain = slope ** (2 if prepared.of_position else 1) * low * row
-    return prepared.white * float(np.sqrt(np.mean(gain**2)))
+    return slope ** (2 if prepared.of_position else 1) * low * row
 
 
 def prepare(
@@ -223,6 +236,7 @@ def prepare(
     acting = 0.5 * (padded + np.concatenate([padded[:1], padded[:-1]])) if held else padded
     at = (np.arange(size // every) * every + kept.start + 0.5 * (every - thin)) * interval
     rows = len(time) // every
+    white, edge = _white(raw, smooth, chosen, interval), round(const.EDGE / interval)
     at_rows = np.asarray(recording[0](jnp.asarray(acting)))
     ratio = float(np.ptp(acting)) / noise_from_differences(at_rows[:rows])
     ends = _ends(chosen, interval, time[-1], ratio)
@@ -237,8 +251,9 @@ def prepare(
         np.asarray(recording[1](jnp.asarray(padded))),
         rows,
         (at >= ends) & (at <= time[-1] - ends),
-        _white(raw, smooth, chosen, interval),
+        float(np.std(white[edge : len(raw) - edge])),
         position is not None,
+        np.sqrt(np.mean(np.pad(white**2, more).reshape(-1, every), axis=1)),
         np.sqrt(np.mean(np.pad((raw - smooth) ** 2, more).reshape(-1, every), axis=1)),
         _floor(raw),
         chosen,
@@ -301,13 +316,12 @@ def _low_pass(raw: np.ndarray, cutoff: float, interval: float) -> np.ndarray:
     return signal.sosfiltfilt(signal.butter(const.ORDER, cutoff * 2 * interval, output="sos"), raw)
 
 
-def _white(raw: np.ndarray, smooth: np.ndarray, chosen: Preparation, interval: float) -> float:
-    """White error of the motion, from the part that the default low-pass removes. A lower cutoff
-    would remove motion too."""
-    above, edge = usual(interval).cutoff, round(const.EDGE / interval)
+def _white(raw: np.ndarray, smooth: np.ndarray, chosen: Preparation, interval: float) -> np.ndarray:
+    """White error of the motion at each sample, from the part that the default low-pass removes. A
+    lower cutoff would remove motion too."""
+    above = usual(interval).cutoff
     least = smooth if above == chosen.cutoff else _low_pass(raw, above, interval)
-    scatter = float(np.std((raw - least)[edge : len(raw) - edge]))
-    return scatter / np.sqrt(max(1 - 2 * above * interval, 1e-3))
+    return (raw - least) / np.sqrt(max(1 - 2 * above * interval, 1e-3))
 
 
 def _motion(

@@ -131,6 +131,8 @@ ORDER = 4
 """Order of the Butterworth filter of the position, as usual in robotics."""
 FREQUENCIES = 4000
 """Frequencies of the integral for the noise of the acceleration."""
+SEED = 1
+"""Seed of a draw of that noise."""
 CUTOFF_SHARE = 0.1
 """Cutoff of the low-pass over the sampling rate."""
 SLOW = 200.0

@@ -166,6 +166,9 @@ LEAST_UNIT = 1e-3
 OF_NOISE, OF_RESIDUAL = 0.5**0.5, 0.25
 """Largest noise of the prediction, as a share of the force noise, and of the base law's residual.
 The larger of both limits applies."""
+BIAS, BIASED = 0.5, 1.0
+"""Largest bias of the mass by errors of the motion, in its standard errors: that the choice of a
+cutoff allows, and that needs no warning."""
 WIDTHS = (1.0, 0.5, 0.25)
 """Factors on the default width of the smoothed sign that are tried for a split."""
 WIDTH_IN_NOISE, WIDTH_SHARE = 2.0, 1e-3

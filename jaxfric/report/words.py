@@ -218,6 +218,9 @@ WARNINGS: Mapping[str, str] = {
     "rows_at_uneven_times": "the rows are {least:m.3g} to {most:m.3g} ms apart ({middle:m.3g} as a"
     " rule; {share:%.2g} % differ from that by a fifth or more): they are interpolated, which"
     " blurs the acceleration. Record at even times",
+    "errors_of_the_motion_lower_the_inertia": "the encoder's error, differentiated twice, lowers"
+    " the inertia by about {share:%.2g} %, {in_errors:.2g} times its error from noise alone."
+    " Low-pass the position at a lower frequency: {advice}",
     "motion_does_not_answer_to_the_force": "in {share:%.2g} % of the rows that count ({times}) the"
     " motion does not answer to the recorded force: by more than half of it. Either something"
     " else acts there, or the force is wrong: give what was added as a column"

@@ -16,9 +16,9 @@ from ...described import said
 from ...effects import AXIS_CATALOGUE, AbstractEffect, effect_of, ids_of
 from ...effects.axis import ANGLE, IN_TIME
 from ...errors import option
-from ...findings import Finding, Severity
+from ...findings import Finding, Severity, WarningCode, warned
 from ...fitting import Estimate
-from ...fitting.axis_preparation import Preparation
+from ...fitting.axis_preparation import Preparation, Prepared
 from ...fitting.axis_problem import AxisProblem, make_problem
 from ...fitting.encompassing import EncompassingModel
 from ...lazy import old_arguments
@@ -34,11 +34,12 @@ from ..engine import Engine
 from ..findings import LoopCode
 from ..result import BaseModel, Loop
 from ..search import Search
-from ..thresholds import LEAST_UNIT
+from ..thresholds import BIASED, LEAST_UNIT
+from .attenuation import attenuation_of_fit
 from .details import KnownAxis, details_of
 from .driven import OF_SPEED, UNKNOWN, at_one_speed, driven
 from .nonlinear import axis_curves, axis_sensitivities, friction_bumps
-from .reading import Reading, read_rows
+from .reading import Reading, lower_cutoff, read_rows
 from .result import AxisRows, Spring
 from .rows import rough_fit, scales_of
 from .seen import doubts, follows, held_command, spring_of
@@ -174,7 +175,13 @@ def axis_subject(
         return Reported(
             own.as_record(record, prepared.force),
             BaseModel(LAW, own.steps(), {"width": own.width}),
-            (*reading.warnings, *doubts(engine, found, own, reason), *hints, *cautions),
+            (
+                *reading.warnings,
+                *_attenuated(engine, found, record, prepared, own.used, held=held),
+                *doubts(engine, found, own, reason),
+                *hints,
+                *cautions,
+            ),
             own.used,
             own.segment,
             int(own.segment.max()) + 1,
@@ -210,6 +217,28 @@ def _stopped(
     if late is None:
         return None
     return Finding(LoopCode.FEEDBACK, Severity.WITHHELD, {"late": late}, rows.used)
+
+
+def _attenuated(
+    engine: Engine[AxisProblem],
+    found: Search,
+    record: AxisRecord,
+    prepared: Prepared,
+    used: np.ndarray,
+    *,
+    held: bool,
+) -> list[str]:
+    """A warning if errors of the motion lower the mass of the base or of the final model."""
+    models = {one.effects: one for one in (found.base, found.final) if not one.failed}.values()
+    worst = max(
+        (attenuation_of_fit(engine, one, prepared, used) for one in models),
+        key=lambda one: one.in_errors,
+        default=None,
+    )
+    if worst is None or not worst.in_errors > BIASED:
+        return []
+    advice = option("cutoff", f"{lower_cutoff(record, prepared.preparation, held):.2g} Hz")
+    return [warned(WarningCode.ATTENUATED, **worst._asdict(), advice=advice)]
 
 
 def _start(problem: AxisProblem, reading: Reading) -> np.ndarray:

@@ -3,10 +3,11 @@
 The cutoff of the low-pass filter of the position also sets the number of rows. Encoder noise,
 differentiated twice and multiplied by the mass, is noise of the predicted force. The chosen cutoff
 is the highest at which the noise variance of the predicted force is less than half the noise
-variance of the recorded force. A higher cutoff would hide friction in encoder noise, a lower cutoff
-would lose motion and rows. The noise of the recorded force is the scatter of the base law's
-residual from row to row, minimised over cutoffs. High cutoffs add encoder noise to the scatter of
-the residual, low cutoffs add structure. A record may have too few rows faster than the velocity
+variance of the recorded force, and the bias of the mass less than half its error (`attenuation`).
+A higher cutoff would hide friction in encoder noise, a lower cutoff would lose motion and rows. The
+noise of the recorded force is the scatter of the base law's residual from row to row, minimised
+over cutoffs. High cutoffs add encoder noise to the scatter of the residual, low cutoffs add
+structure. A record may have too few rows faster than the velocity
 noise to form train, validation and test blocks. If rows are too few, lower cutoffs are tried, then
 a lower speed threshold, then shorter rows.
 """
@@ -23,6 +24,7 @@ from ...records.axis_record import AxisRecord
 from ...records.axis_units import inertia_unit
 from ..split import NAMES, Blocks
 from ..thresholds import (
+    BIAS,
     FEW,
     FEWEST_ROWS,
     JITTER,
@@ -33,6 +35,7 @@ from ..thresholds import (
     PERIODS,
     WIDTHS,
 )
+from .attenuation import attenuation_of_rough
 from .controller_check import disagreement, stretches
 from .result import AxisRows
 from .rows import holds_already, refuse_reversed, rough_fit, rows_of, split, unexplained_rows
@@ -152,30 +155,49 @@ def _candidates(record: AxisRecord) -> list[Preparation]:
     return [usual(interval, c) for c in cutoffs if c >= least or c == first.cutoff]
 
 
-def _cutoff(record: AxisRecord, force: np.ndarray, held: bool) -> tuple[Preparation, str]:
-    """The preparation whose predicted force has less noise than the recorded one; the reason."""
-    options, found = _candidates(record), []
+def lower_cutoff(record: AxisRecord, chosen: Preparation, held: bool) -> float:
+    """The cutoff to try if the errors of the motion are too large at the `chosen` one [Hz]."""
+    lower = [one for one in _candidates(record) if one.cutoff < chosen.cutoff]
+    force = _acting(record, chosen, held)[0]
+    return _cutoff(record, force, held, lower)[0].cutoff if lower else chosen.cutoff / 2
+
+
+def _cutoff(
+    record: AxisRecord, force: np.ndarray, held: bool, options: list[Preparation] | None = None
+) -> tuple[Preparation, str]:
+    """The first of the `options` (default: `_candidates`) at which the errors of the motion are
+    small, or that with the smallest; the reason."""
+    options, found = options or _candidates(record), []
     for one in options:
         prepared = _prepare(record, force, one, held)
         rows = rows_of(prepared, None)
         if rows.used.sum() >= FEWEST_ROWS * len(NAMES):
             rough = rough_fit(prepared, rows.used, rows.width)
             noise = _from_row_to_row(rough.residual, rows.used) * np.sqrt(one.decimation)
-            found.append((one, rough, acceleration_noise(prepared), noise))
+            bias = attenuation_of_rough(prepared, rows.used, rough).in_errors
+            found.append((one, rough, acceleration_noise(prepared, prepared.white), noise, bias))
     if not found:
         return options[0], ""
-    mass = max(abs(float(rough.values[0])) for _, rough, _, _ in found)
-    white = min(noise for *_, noise in found)
+    mass = max(abs(float(rough.values[0])) for _, rough, *_ in found)
+    white = min(noise for *_, noise, _ in found)
     allowed = [
         max(OF_NOISE * white / np.sqrt(one.decimation), OF_RESIDUAL * rough.rms)
-        for one, rough, _, _ in found
+        for one, rough, *_ in found
     ]
-    quiet = [f for f, most in zip(found, allowed, strict=True) if mass * f[2] < most]
+    quiet = [
+        f for f, most in zip(found, allowed, strict=True) if mass * f[2] < most and f[4] < BIAS
+    ]
     one = (quiet[0] if quiet else min(found, key=lambda f: mass * f[2]))[0]
     if one.cutoff == options[0].cutoff:
         return one, ""
-    first, _, noise, _ = found[0]
+    first, _, noise, _, bias = found[0]
     left = white / np.sqrt(first.decimation)
+    if mass * noise < allowed[0]:
+        return one, (
+            f"low-pass of the position at {one.cutoff:.3g} Hz: at {first.cutoff:.3g} Hz the"
+            f" encoder's error, differentiated twice, would lower the inertia by {bias:.2g} of its"
+            f" errors ({option('cutoff')} sets another)"
+        )
     return one, (
         f"low-pass of the position at {one.cutoff:.3g} Hz: at {first.cutoff:.3g} Hz the"
         f" encoder's error, differentiated twice, would be {mass * noise:.2g} {record.force_unit}"

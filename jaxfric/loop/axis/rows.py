@@ -123,6 +123,8 @@ class Rough(NamedTuple):
     """Standard deviations of `values`, if the residuals are white."""
     residual: np.ndarray
     """Recorded minus predicted, at all rows (n)."""
+    matrix: np.ndarray
+    """Sensitivities of the predicted force to `values`, at all rows (n, k)."""
     rms: float
     """Root mean square of the residual over the rows of the fit [F]."""
     dissipation: float
@@ -160,7 +162,7 @@ def rough_fit(
     error = float(np.sqrt(at @ covariance @ at))
     residual = prepared.force[:n] - whole @ values
     std = np.sqrt(np.diag(covariance))
-    return Rough(values, std, residual, rms, float(at @ values), error)
+    return Rough(values, std, residual, whole, rms, float(at @ values), error)
 
 
 def refuse_reversed(rough: Rough, work: float, path: str, force_unit: str, mass_unit: str) -> None:
