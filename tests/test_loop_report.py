@@ -475,14 +475,14 @@ SECOND, DRIFT = ("second_state", "thermal", "run_in"), ("time_drift", "run_in", 
 
 
 OPEN = {
-    "two groups": (of_rock([SECOND, DRIFT], "outside_catalogue"), "2, 20, 2, 20, 2, 0.6667"),
+    "two groups": (of_rock([SECOND, DRIFT], "ambiguous"), "2, 20, 2, 20, 2, 0.6667"),
     "a drift": (
         of_rock([("time_drift", "slip_trend")], "ambiguous"), "2, 20, 0.6667, 2, 20"
     ),
     "three groups": (
         of_rock(
             [("stribeck", "viscous"), ("slip_trend", "gain"), ("viscous", "gain")],
-            "outside_catalogue",
+            "ambiguous",
         ),
         "2, 20, 200, 2, 20, 0.6667",
     ),
@@ -504,9 +504,19 @@ def test_one_run_has_all_that_is_asked_for(snapshot) -> None:
     snapshot("one_run", {name: to_do(loop) for name, (loop, _) in OPEN.items()})
 
 
+@pytest.mark.parametrize("kind", ["slider", "axis"])
+def test_effects_that_may_be_imitations_are_not_to_be_distinguished(kind) -> None:
+    """A friction that jumps is imitated by a drift: no run distinguishes the drift from run-in."""
+    loop = dataclasses.replace(of_rock([SECOND, DRIFT], "outside_catalogue"), kind=kind)
+    assert [(step.code, step.also) for step in next_steps(loop)] == [
+        ("look", False), ("own_effect", False)
+    ]  # fmt: skip
+    assert not commands(loop, "protocol") and "--distinguish" not in page_of(loop).text
+
+
 def test_steps_are_said_to_be_long_enough_where_they_are(snapshot) -> None:
     """By the L2 of the second state that was taken; 0: of none."""
-    loop, texts = of_rock([SECOND], "outside_catalogue"), {}
+    loop, texts = of_rock([SECOND], "ambiguous"), {}
     for length in (0.0, 3000.0, 4000.0, 60000.0):
         known = dict(loop.after.parameters)
         known.pop("second_state.L2", None)
@@ -518,7 +528,7 @@ def test_steps_are_said_to_be_long_enough_where_they_are(snapshot) -> None:
 
 
 def test_a_run_that_no_plan_changes_is_said_as_it_was(snapshot) -> None:
-    loop = of_rock([("gain", "stiffness")], "outside_catalogue")
+    loop = of_rock([("gain", "stiffness")], "ambiguous")
     assert [step.also for step in next_steps(loop)] == [False, False, True, True]
     axis = dataclasses.replace(loop, kind="axis")
     assert commands(loop, "protocol") and not commands(axis, "protocol")

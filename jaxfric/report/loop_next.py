@@ -40,14 +40,16 @@ def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
     """Next steps that follow from the loop's verdict, the most informative step first.
 
     If the record leaves a question open, a step describes the experiment that would decide. The
-    step includes a command that checks the planned experiment. The next step is `jaxfric gains` if
-    it accepts the loop, and for an axis `jaxfric feedforward`. If the model describes the record,
-    the last step is a test on another record.
+    step includes a command that checks the planned experiment. If something is missing that the
+    catalogue does not explain, the named effects may be imitations. No step then distinguishes them
+    from similar effects; the first step finds where the residual sits. The next step is
+    `jaxfric gains` if it accepts the loop, and for an axis `jaxfric feedforward`. If the model
+    describes the record, the last step is a test on another record.
 
     `file` is the path of the loop's JSON file; by default it is in the folder of loop.html.
     """
     file = shlex.quote(file)
-    first = _deciding(loop, file)
+    first = [] if loop.verdict == "outside_catalogue" else _deciding(loop, file)
     for family in loop.families:
         if family.decided_by:
             values = {"effects": listed(family.effects), "where": where_told(family)}
