@@ -28,17 +28,18 @@ ROWS, RATE = 600, 500.0
 SPEEDS = np.array([10.0, 30.0, 100.0]) * 1e-6
 
 
-def found(line, speeds=SPEEDS, seed=0, memory=0.5, rate=RATE):
+def found(line, speeds=SPEEDS, seed=0, memory=0.5, rate=RATE, rows=ROWS):
     """The hum in noise of variance 1 with a `line`, a function of time, path and the time since a
-    step."""
-    rng, n = np.random.default_rng(seed), ROWS * len(speeds)
+    step. `rows` is the number of rows of a step, or of each."""
+    rows = np.broadcast_to(rows, len(speeds))
+    rng, n = np.random.default_rng(seed), int(rows.sum())
     noise = rng.standard_normal(n)
     for i in range(1, n):
         noise[i] = memory * noise[i - 1] + np.sqrt(1 - memory**2) * noise[i]
-    step = np.repeat(np.arange(len(speeds)), ROWS)
+    step = np.repeat(np.arange(len(speeds)), rows)
     time = np.arange(n) / rate
     path = np.concatenate([[0.0], np.cumsum(np.asarray(speeds)[step])[:-1]]) / rate
-    added = line(time, path, time - step * ROWS / rate)
+    added = line(time, path, time - (np.cumsum(rows) - rows)[step] / rate)
     columns = np.column_stack([noise + added, smooth_columns(path, step, n)])
     columns = columns[:, np.linalg.norm(columns, axis=0) > 0]
     return *find_hum(time, path, step, np.ones(n, bool), columns), added
@@ -98,6 +99,33 @@ def test_a_ring_after_every_step_is_none():
 @pytest.mark.parametrize(("frequency", "number"), [(50.0, 1), (60.0, 1), (83.0, 0)])
 def test_at_one_velocity_hum_is_that_of_the_mains(frequency, number):
     assert len(found(wave(frequency), np.full(3, 1e-5))[0]) == number
+
+
+SHORT_FAST = dict(speeds=1e-6 * np.array([1.0, 10.0, 1.0]), rate=25.6, rows=(768, 205, 1024))
+"""Mains of 50 Hz have 1.2 Hz in rows of 25.6 Hz: 9.6 cycles in the 8 s of the fast step."""
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_line_with_few_cycles_at_one_velocity_is_hum(seed):
+    (hum,), taken, added = found(wave(50.0, 1.0), seed=seed, **SHORT_FAST)
+    assert abs(hum.frequency - 1.2) < max(0.02, 3 * hum.error)
+    assert np.sqrt(np.mean((taken - added) ** 2)) < 0.15
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_wave_along_the_path_of_few_cycles_is_none(seed):
+    """It has 1.2 Hz at 1 um/s, and 12 Hz at 10 um/s; or 0.12 Hz at 1 um/s, which ends in 8 s."""
+    for length in (1e-6 / 1.2, 1e-5 / 1.2):
+        line = lambda time, path, since: np.sin(2 * np.pi * path / length)  # noqa: E731, B023
+        assert found(line, seed=seed, **SHORT_FAST)[0] == ()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_line_that_few_cycles_do_not_show_is_no_hum(seed):
+    def line(time, path, since):
+        return np.where((time < 30) | (time > 38), 1.0, 0.0) * wave(50.0, 1.0)(time, path, since)
+
+    assert found(line, seed=seed, **SHORT_FAST)[0] == ()
 
 
 def test_a_line_at_one_of_two_velocities_is_no_hum():

@@ -9,10 +9,11 @@ are added at equal frequency. A spectral line is hum if it is significant in the
     P = sum_i |sum_j r_j exp(2 pi i f t_j)|^2/(n_i S_i(f)),   under noise alone Gamma(pieces, 1).
 
 Hum must persist through both halves of a piece, unlike ringing after a velocity step. Hum must also
-be significant at two velocities, and no wave along the path may explain as much of the residual. A
-spectral line at a single velocity may be a wave or hum. Such a line counts as hum only at a
-frequency of the mains. Every piece has its own amplitude and phase of the hum, by least squares.
-Frequencies that the sampling does not resolve are not searched.
+be significant at two velocities, and no wave along the path may explain as much of the residual. In
+this test a piece needs fewer cycles of the line than in the search for a frequency. A spectral line
+at a single velocity may be a wave or hum. Such a line counts as hum only at a frequency of the
+mains. Every piece has its own amplitude and phase of the hum, by least squares. Frequencies that
+the sampling does not resolve are not searched.
 
 Source: Lomb 1976 (doi:10.1007/BF00648343) and Scargle 1982 (doi:10.1086/160554) for uneven rows.
 This module bins rows into cells of a quarter of the row interval, which lowers the power P by at
@@ -62,6 +63,8 @@ class _Piece(NamedTuple):
     power: Float[np.ndarray, " m"]
     """Relative to the surrounding noise: 1 on average."""
     around: Float[np.ndarray, " m"]
+    lowest: float
+    """Lowest frequency of the search; a line found in other pieces may have fewer cycles here."""
 
     @property
     def width(self) -> float:
@@ -69,12 +72,16 @@ class _Piece(NamedTuple):
         return 1 / float(np.ptp(self.time))
 
     def resolves(self, f: float) -> bool:
-        """Whether the frequency is within the searched range of this piece."""
+        """Whether a known line has enough cycles in this piece, and at least two rows a cycle."""
         return bool(self.frequency[0] <= f <= self.frequency[-1])
+
+    def searches(self, f: Float[np.ndarray, " k"] | float) -> np.ndarray:
+        """Whether frequencies are within the searched range of this piece."""
+        return (self.lowest <= np.asarray(f)) & (np.asarray(f) <= self.frequency[-1])
 
     def at(self, f: np.ndarray) -> np.ndarray:
         """The power of this piece at some frequencies, 0 outside the searched range."""
-        return np.interp(f, self.frequency, self.power, left=0.0, right=0.0)
+        return np.where(self.searches(f), np.interp(f, self.frequency, self.power), 0.0)
 
     def near(self, f: float) -> float:
         """The largest power within half the resolution of some frequencies."""
@@ -130,7 +137,7 @@ def find_hum(
             found.append((f, error))
             wave = _wave(cut, time, left, [f for f, _ in found])
             rest = left - wave
-        barred.append((f, 1.5 * max(p.width for p in resolving)))
+        barred.append((f, 1.5 * max(p.width for p in pieces if p.searches(f))))
     count, hum = np.maximum(np.bincount(step), 1), []
     for f, error in sorted(found):
         squares = np.bincount(step, _wave(cut, time, left, [f]) ** 2)
@@ -171,17 +178,15 @@ def _piece(left: np.ndarray, time: np.ndarray, path: np.ndarray, rows: np.ndarra
     power = np.abs(np.fft.rfft(values)[: last + 1]) ** 2 / len(rows)
     angle = np.pi * np.arange(last + 1) / last
     frequency = angle / (2 * np.pi * const.FINER * cell)
-    first = max(
-        const.CYCLES * const.FINER,
-        int(np.searchsorted(frequency, const.CYCLES / const.LONGEST_PIECE)),
-    )
+    first = const.CYCLES_FITTED * const.FINER
     if first >= last:  # fewer than two frequencies
         return None
+    lowest = max(frequency[1] * const.CYCLES * const.FINER, const.CYCLES / const.LONGEST_PIECE)
     around = _smooth(power, angle)
     around[last + 1 - const.FINER :] *= 2  # no sine: chi-squared of 1 d.o.f., halved
     frequency, power, around = (x[first:] for x in (frequency, power, around))
     speed = float(np.ptp(path[rows])) / lasting
-    return _Piece(rows, when, speed, frequency, power / around, around)
+    return _Piece(rows, when, speed, frequency, power / around, around, lowest)
 
 
 def _smooth(power: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -209,7 +214,7 @@ def _likeliest(
     most = max(p.frequency[-1] for p in pieces)
     f = apart * np.arange(int(most / apart) + 2)
     total = np.sum([p.at(f) for p in pieces], axis=0)
-    within = [(f >= p.frequency[0]) & (f <= p.frequency[-1]) for p in pieces]
+    within = [p.searches(f) for p in pieces]
     count = np.sum(within, axis=0)
     for centre, reach in barred:
         count = np.where(np.abs(f - centre) <= reach, 0, count)
@@ -219,9 +224,9 @@ def _likeliest(
     chance = gammaincc(count[seen], total[seen])
     # if p underflows to 0, the largest power decides
     best = seen[np.lexsort((-total[seen], chance))[0]]
-    resolving = [p for p in pieces if p.resolves(f[best])]
-    ends = [min(p.frequency[0] for p in resolving), max(p.frequency[-1] for p in resolving)]
-    around = np.clip(f[best] + apart * np.linspace(-1, 1, const.TRIED_AROUND), *ends)
+    resolving = [p for p in pieces if p.searches(f[best])]
+    low, high = min(p.lowest for p in resolving), max(p.frequency[-1] for p in resolving)
+    around = np.clip(f[best] + apart * np.linspace(-1, 1, const.TRIED_AROUND), low, high)
     exact = np.sum([p.exact(left, around) for p in resolving], axis=0)
     independent = len(seen) / const.FINER
     if gammaincc(count[best], float(np.max(exact))) * independent > const.CHANCE_OF_HUM:
@@ -263,7 +268,7 @@ def _along_path(
         other = ~_alike(speed, speed[k])
         in_time = float(np.sum(power[other]))
         far = [(p, f * p.speed / speed[k]) for p in pieces if not _alike(p.speed, speed[k])]
-        seen = [p.near(g) for p, g in far if p.resolves(g)]
+        seen = [p.near(g) for p, g in far if p.searches(g)]
         if (
             seen
             and sum(seen) > in_time

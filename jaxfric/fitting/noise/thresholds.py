@@ -143,8 +143,8 @@ LONGEST_PIECE, ROWS_OF_PIECE = 10.0, 1000
 for some ten seconds."""
 FEWEST_OF_PIECE, CYCLES, CYCLES_FITTED = 80, 10, 4
 """Fewest rows and cycles of a piece for a search: below, friction changes after a step look alike.
-Fewest cycles in a piece to fit a known line to it. `CYCLES` in the longest piece are 1 Hz: below
-are oscillating servos, and temperature, which is no noise."""
+Fewest cycles in a piece to test or fit a known line there. `CYCLES` in the longest piece are 1 Hz:
+below are oscillating servos, and temperature, which is no noise."""
 HALF_A_CYCLE = 1e-6
 """Tolerance for two rows per cycle, where cosine and sine coincide: of the determinant relative to
 that of many cycles, and of the frequency relative to half a cycle per row."""
