@@ -146,7 +146,11 @@ class Fit(Described, Drawable, Gridded, Tabular):
     def _along(self) -> Interval | None:
         """The interval of A - B along other slip lengths; computed once."""
         solved = self.solved if self.converged else None
-        return None if solved is None else along_length(self, lambda: minimum_of(*solved[1:3]))
+        return (
+            None
+            if solved is None
+            else along_length(self, lambda: minimum_of(solved.problem, solved.solution))
+        )
 
     def stability(self) -> Claim:
         """The stability claim from A and all B (and L, for a critical stiffness). The claim is made
