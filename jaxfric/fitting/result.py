@@ -145,12 +145,10 @@ class Fit(Described, Drawable, Gridded, Tabular):
     @functools.cached_property
     def _along(self) -> Interval | None:
         """The interval of A - B along other slip lengths; computed once."""
-        solved = self.solved if self.converged else None
-        return (
-            None
-            if solved is None
-            else along_length(self, lambda: minimum_of(solved.problem, solved.solution))
-        )
+        solved = self.solved
+        if solved is None or not self.converged:
+            return None
+        return along_length(self, lambda: minimum_of(solved.problem, solved.solution))
 
     def stability(self) -> Claim:
         """The stability claim from A and all B (and L, for a critical stiffness). The claim is made
