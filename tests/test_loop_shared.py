@@ -6,7 +6,6 @@ path.
 """
 
 import threading
-from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -72,12 +71,12 @@ def asked(engine, monkeypatch):
     numbers = []
 
     def give(found: np.ndarray) -> list[int]:
-        def in_parts(problem, z, directions, each):
-            del problem, z, each
+        def in_passes(self, problem, z, directions):
+            del self, problem, z
             numbers.append(len(directions))
             return np.zeros(len(found)), found @ directions.T
 
-        monkeypatch.setattr(evaluate_module, "_in_parts", in_parts)
+        monkeypatch.setattr(evaluate_module.Evaluator, "_in_passes", in_passes)
         engine.evaluator._known.clear()
         engine.evaluator._apart.clear()
         return numbers
@@ -130,10 +129,10 @@ def test_a_simulation_that_failed_is_asked_once(engine, asked):
 def test_few_shifts_share_nothing(engine, asked):
     """No part is saved: one that holds all parameters takes as long."""
     truth = jacobian(engine, memory=60.0, slope=0.5)
-    numbers, index = asked(truth), engine.free(())[:24]
+    numbers, index = asked(truth), engine.free(())[:18]
     rows = engine.evaluate(np.zeros(truth.shape[1]), index)
     np.testing.assert_array_equal(rows.jacobian, truth[: len(rows.jacobian), index])
-    assert numbers == [24]
+    assert numbers == [18]
 
 
 def test_late_steps_are_those_of_the_motion(engine):
@@ -172,18 +171,9 @@ def test_a_users_effect_is_fitted_on_one_thread(own, monkeypatch):
         assert engine.each(together, [1, 2]) == [1, 2]
 
 
-@pytest.mark.parametrize(
-    ("rows", "directions", "passes"),
-    [
-        (8192, 5, [24]),
-        (8192, 24, [24]),
-        (8192, 25, [24, 24]),
-        (8193, 13, [16]),
-        (24576, 26, [16] * 2),
-    ],
-)
-def test_a_jacobian_is_taken_in_passes_of_one_width(rows, directions, passes, monkeypatch):
-    """Narrower ones for a record of many rows; each direction has its own column, in order."""
+@pytest.mark.parametrize(("directions", "passes"), [(5, 1), (12, 1), (13, 2), (25, 3)])
+def test_a_jacobian_is_taken_in_passes_of_one_width(engine, directions, passes, monkeypatch):
+    """A width for the base and a few more parameters; columns are in order."""
     widths = []
 
     def along(problem, z, some):
@@ -191,11 +181,11 @@ def test_a_jacobian_is_taken_in_passes_of_one_width(rows, directions, passes, mo
         return np.zeros(3), np.asarray(some).T[:3] + 1.0
 
     monkeypatch.setattr(evaluate_module, "_evaluate", along)
-    problem = SimpleNamespace(time=np.zeros(rows))
-    index = np.random.default_rng(0).permutation(40)[:directions]
     each = lambda one, begins: [one(k) for k in begins]  # noqa: E731
-    _, found = evaluate_module._in_parts(problem, np.zeros(40), np.eye(40)[index], each)
-    assert widths == passes
+    evaluator = evaluate_module.Evaluator(engine.problem, np.zeros(0, int), each)
+    index = np.random.default_rng(0).permutation(40)[:directions]
+    _, found = evaluator(np.zeros(40), index)
+    assert widths == [12] * passes
     np.testing.assert_array_equal(found, np.eye(40)[index].T[:3] + 1.0)
 
 

@@ -145,8 +145,9 @@ class Evaluator(Generic[P]):
         channels = 1 + len(problem.channels)
         self._shared = SharedShifts(shifts, begins, trails, np.asarray(problem.time), channels)
         base = np.concatenate([np.arange(len(self.model.base.names())), shifts])
-        along = len(self._shared.directions(base, first + len(problem.hold))) + MORE_DIRECTIONS
-        self._size = PASS * -(-along // PASS)
+        shared = self._shared.directions(base, first + len(problem.hold))
+        usual = min(len(base), len(shared)) + MORE_DIRECTIONS
+        self._size = PASS * -(-usual // PASS)
         heavy = [e.id for e in self.model.effects if issubclass(e, AbstractHeavyEffect)]
         self._heavy = {id: self.model.columns((id,)) for id in heavy}
         self._apart: set[bytes] = set()

@@ -53,18 +53,25 @@ def refit(
     With `exact` the tolerance is 1e-6, well within the parameters' errors. A second descent follows
     if the noise at the end of the first is another.
     """
-    index, z, near = engine.free(effects), engine.problem.begun(z), ()
+    index, z = engine.free(effects), engine.problem.begun(z)
+    last, near = None, ()
     rows = engine.evaluate(z, index)
     for _ in range(PASSES):
         if rows.failed:
             break
         found = noise_at(engine, rows, near)
-        if near and np.all(np.abs(found.theta - near[0]) < SAME_NOISE):
+        if last is not None and _alike(last, found):
             break
-        near = (found.theta,)
+        last, near = found, (found.theta,)
         z, _ = _descend(engine, z, index, found.noise, EXACT if exact else ROUGH)
         rows = engine.evaluate(z, index)
     return candidate_at(engine, effects, z, rows, near)
+
+
+def _alike(one: FoundNoise, other: FoundNoise) -> bool:
+    """Whether two noises have the same parts of about the same sizes and memories."""
+    same = one.family == other.family
+    return same and bool(np.all(np.abs(one.theta - other.theta) < SAME_NOISE))
 
 
 def _descend(
