@@ -71,17 +71,17 @@ class _Piece(NamedTuple):
         """Resolution of this piece in frequency [Hz]."""
         return 1 / float(np.ptp(self.time))
 
-    def resolves(self, f: float) -> bool:
+    def resolves(self, f: Float[np.ndarray, " k"] | float) -> np.ndarray:
         """Whether a known line has enough cycles in this piece, and at least two rows a cycle."""
-        return bool(self.frequency[0] <= f <= self.frequency[-1])
+        return (self.frequency[0] <= np.asarray(f)) & (np.asarray(f) <= self.frequency[-1])
 
     def searches(self, f: Float[np.ndarray, " k"] | float) -> np.ndarray:
-        """Whether frequencies are within the searched range of this piece."""
-        return (self.lowest <= np.asarray(f)) & (np.asarray(f) <= self.frequency[-1])
+        """Whether this piece alone may show a line at some frequencies."""
+        return (self.lowest <= np.asarray(f)) & self.resolves(f)
 
     def at(self, f: np.ndarray) -> np.ndarray:
-        """The power of this piece at some frequencies, 0 outside the searched range."""
-        return np.where(self.searches(f), np.interp(f, self.frequency, self.power), 0.0)
+        """The power of this piece at some frequencies, 0 where it has too few cycles or rows."""
+        return np.interp(f, self.frequency, self.power, left=0.0, right=0.0)
 
     def near(self, f: float) -> float:
         """The largest power within half the resolution of some frequencies."""
@@ -137,7 +137,7 @@ def find_hum(
             found.append((f, error))
             wave = _wave(cut, time, left, [f for f, _ in found])
             rest = left - wave
-        barred.append((f, 1.5 * max(p.width for p in pieces if p.searches(f))))
+        barred.append((f, 1.5 * max(p.width for p in resolving)))
     count, hum = np.maximum(np.bincount(step), 1), []
     for f, error in sorted(found):
         squares = np.bincount(step, _wave(cut, time, left, [f]) ** 2)
@@ -214,8 +214,8 @@ def _likeliest(
     most = max(p.frequency[-1] for p in pieces)
     f = apart * np.arange(int(most / apart) + 2)
     total = np.sum([p.at(f) for p in pieces], axis=0)
-    within = [p.searches(f) for p in pieces]
-    count = np.sum(within, axis=0)
+    searched = np.any([p.searches(f) for p in pieces], axis=0)
+    count = np.where(searched, np.sum([p.resolves(f) for p in pieces], axis=0), 0)
     for centre, reach in barred:
         count = np.where(np.abs(f - centre) <= reach, 0, count)
     seen = np.flatnonzero(count)
@@ -224,8 +224,8 @@ def _likeliest(
     chance = gammaincc(count[seen], total[seen])
     # if p underflows to 0, the largest power decides
     best = seen[np.lexsort((-total[seen], chance))[0]]
-    resolving = [p for p in pieces if p.searches(f[best])]
-    low, high = min(p.lowest for p in resolving), max(p.frequency[-1] for p in resolving)
+    resolving = [p for p in pieces if p.resolves(f[best])]
+    low, high = min(p.lowest for p in pieces), max(p.frequency[-1] for p in resolving)
     around = np.clip(f[best] + apart * np.linspace(-1, 1, const.TRIED_AROUND), low, high)
     exact = np.sum([p.exact(left, around) for p in resolving], axis=0)
     independent = len(seen) / const.FINER
