@@ -48,7 +48,8 @@ class Quantity:
         """Map a value inside the bounds to an unbounded variable.
 
         Without finite bounds the variable is value/scale, with one bound the log of the distance to
-        this bound. With two bounds the variable is the logit of the position between both bounds.
+        this bound. With two bounds the variable is the logit of the position between both bounds;
+        a value at a bound, to which `from_free` may round, is moved inside by one rounding error.
         """
         if math.isinf(self.lower) and math.isinf(self.upper):
             return value / scale
@@ -56,8 +57,10 @@ class Quantity:
             return array_module(value).log(value - self.lower)
         if math.isinf(self.lower):
             return array_module(value).log(self.upper - value)
-        log = array_module(value).log
-        return log(value - self.lower) - log(self.upper - value)
+        of = array_module(value)
+        inside = (math.nextafter(self.lower, self.upper), math.nextafter(self.upper, self.lower))
+        value = of.clip(value, *inside)
+        return of.log(value - self.lower) - of.log(self.upper - value)
 
     def from_free(
         self, free: Float[Array, " *s"], *, scale: ArrayLike = 1.0

@@ -412,19 +412,20 @@ def test_the_chance_of_a_refit_is_that_of_draws():
 @pytest.mark.parametrize(("loose", "at"), [((), 0.0), ((), 0.4), ((), -0.4), (("B",), 0.0)])
 def test_the_chance_of_shifts_is_that_of_chi_square(loose, at):
     """The model hardly knows B, which would explain the fall of the sum of squares, but no shift of
-    A. B is exp z, so that its errors differ between model (`at`) and refit (0)."""
-    jacobian = np.random.default_rng(2).standard_normal((60, 3))
+    A. B is exp z, so that its errors differ between model (`at`) and refit (0). d is at a bound."""
+    jacobian = np.random.default_rng(2).standard_normal((60, 4)) * [1, 1, 1, 0]
     problem = SimpleNamespace(
-        model=SimpleNamespace(names=lambda: ("f0", "A", "B")), noise_scale=1.0,
-        coordinates=SimpleNamespace(slopes=lambda z: np.asarray([1.0, 1.0, np.exp(z[2])])),
+        model=SimpleNamespace(names=lambda: ("f0", "A", "B", "d")), noise_scale=1.0,
+        coordinates=SimpleNamespace(slopes=lambda z: np.asarray([1.0, 1.0, np.exp(z[2]), 0.0])),
     )  # fmt: skip
-    before = np.asarray([[1.0, 0.0, 0.0], [0.0, 0.01, 0.2], [0.0, 0.2, 13.0]])
+    before = np.zeros((4, 4))
+    before[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.01, 0.2], [0.0, 0.2, 13.0]]
     made = saved([UM])
     table = made.content["after"]
-    table["free"], table["covariance"] = ["f0", "A", "B"], before.tolist()
+    table["free"], table["covariance"] = ["f0", "A", "B", "d"], before.tolist()
     for name in loose:
         table["parameters"][name] = {"value": 1.0, "std": 3.6, "determined": False}
-    setting, spread = SimpleNamespace(saved=made, problem=problem), 0.01 * np.eye(3)
+    setting, spread = SimpleNamespace(saved=made, problem=problem), 0.01 * np.eye(4)
 
     def least(a):
         """d^T C^-1 d where it is smaller, C in closed form."""
@@ -439,9 +440,13 @@ def test_the_chance_of_shifts_is_that_of_chi_square(loose, at):
     for level in (0.1, 1e-3, 1e-9):
         limit = stats.chi2.isf(level, 1 if loose else 2)
         a = brentq(lambda a, limit=limit: least(a) - limit, 0.03, 5.0)
-        moved = jacobian[:, 1:] @ np.asarray([a, -at])
+        moved = jacobian[:, 1:3] @ np.asarray([a, -at])
         basis = jacobian[:, 0] / np.linalg.norm(jacobian[:, 0])
-        found = SimpleNamespace(z=np.asarray([0.0, 0.0, at]), error=moved - basis * (basis @ moved))
-        refit = SimpleNamespace(z=np.asarray([0.3, a, 0.0]), error=np.zeros(60), jacobian=jacobian)
+        found = SimpleNamespace(
+            z=np.asarray([0.0, 0.0, at, 36.0]), error=moved - basis * (basis @ moved)
+        )
+        refit = SimpleNamespace(
+            z=np.asarray([0.3, a, 0.0, 40.0]), error=np.zeros(60), jacobian=jacobian
+        )
         chance = slider._chance(setting, "after", ("f0",), found, refit, spread)
         assert chance == pytest.approx(level, rel=1e-5)

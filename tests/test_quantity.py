@@ -25,6 +25,18 @@ def bounded(lower, upper):
     return Quantity("q", "m", "a test", lower, upper)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("of", [np, jnp])
+def test_a_value_that_rounds_to_its_bound_has_a_finite_variable(of):
+    """As a fit may end there, and a file holds the rounded value."""
+    q = bounded(0.3, 4.0)
+    values = q.from_free(of.asarray([-700.0, -37.0, 37.0, 700.0]))
+    np.testing.assert_array_equal(values[:: len(values) - 1], [0.3, 4.0])
+    free = np.asarray(q.to_free(values))
+    assert np.all(np.isfinite(free))
+    np.testing.assert_allclose(q.from_free(free), values, rtol=1e-15)
+
+
 @pytest.mark.parametrize("bounds", BOUNDS)
 def test_free_and_back(bounds):
     q = bounded(*bounds)

@@ -300,19 +300,21 @@ def _chance(
 
     Shifts (Wald): d^T C^-1 d is chi-square, with d of the parameters that the model's own record
     determines. The errors of a badly known length are not symmetric; so C is linearised at the
-    model and at the refit, and the larger chance of both counts.
+    model and at the refit, and the larger chance of both counts. A parameter at its bound is left
+    out: to first order it moves nothing.
     """
     problem, table = setting.problem, setting.saved.tables()[name]
     index, fitted = _moved(setting, name, refit), _fitted(setting, name)
-    own = [k for k, parameter in enumerate(fitted) if parameter not in refitted]
+    ends = [np.asarray(problem.coordinates.slopes(jnp.asarray(z))) for z in (found.z, refit.z)]
+    slopes = np.stack(ends)[:, index[: len(fitted)]]
+    inside = np.all(slopes > 0, axis=0)
+    own = [k for k, parameter in enumerate(fitted) if parameter not in refitted and inside[k]]
     if not own:
         return 1.0
     places = [table["free"].index(fitted[k]) for k in own]
     before = np.nan_to_num(np.asarray(table["covariance"], float)[np.ix_(places, places)])
-    errors = []
-    for z in (found.z, refit.z):
-        slopes = np.asarray(problem.coordinates.slopes(jnp.asarray(z)))[index[own]]
-        errors.append(before / np.outer(slopes, slopes) + spread[np.ix_(own, own)])
+    own_spread = spread[np.ix_(own, own)]
+    errors = [before / np.outer(slope, slope) + own_spread for slope in slopes[:, own]]
     columns = refit.jacobian[:, index]
     both = orthonormal(np.delete(columns, own, axis=1))
     alone = columns[:, own] - both @ (both.T @ columns[:, own])
