@@ -1190,7 +1190,9 @@ def test_a_reason_against_all_speeds_is_a_doubt(speeds: tuple[float, ...], doubt
 
 def test_what_helps_is_named_where_it_is_not_all(snapshot):
     found = make_loop("effects")
-    loop = dataclasses.replace(found, verdict="outside_catalogue")
+    left = {"block": "select", "error": 1.5, "most": 1.1}
+    more = Finding(LoopCode.BLOCK, Severity.CAUTION, left, found.blocks.select)
+    loop = dataclasses.replace(found, verdict="outside_catalogue", findings=(more,))
     assert loop.test_error(loop.after) < loop.test_error(loop.before)
     open_ = [
         dataclasses.replace(c, rejection=LOOSE, delta_bic=-1e4, effects=("c",))

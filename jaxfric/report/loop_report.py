@@ -29,7 +29,7 @@ from .loop_text import (
 )
 from .report import Report
 from .rig_words import AXIS
-from .verdict_text import slow_alone, words_of
+from .verdict_text import slow_alone, small, words_of
 from .words import lower, say
 
 _WIDER = 1.5
@@ -79,9 +79,8 @@ def headline(loop: Loop) -> str:
         return say("headline.effects", effects=listed([*others, curve]))
     if code == "too_weak" and loop.test_error(loop.before) > FAR * loop.held_out_threshold:
         code = "base_misses"
-    slow = False
-    if code == "outside_catalogue":
-        slow = slow_alone(loop.findings, loop.test_error(loop.after), loop.held_out_threshold)
+    outside = code == "outside_catalogue"
+    if outside:
         helps = loop.effects and loop.test_error(loop.after) < loop.test_error(loop.before)
         code = ("imitated" if helps else code) + ("_unfixed" if loop.unfixed() else "")
     if code == "ambiguous" and effects:
@@ -90,11 +89,11 @@ def headline(loop: Loop) -> str:
         code = "not_confirmed" if not alike else "also_one_of" if effects else "one_of"
         return say(f"headline.{code}", effects=listed(effects), either=listed([*alike.values()]))
     found = say(f"headline.{code}", effects=listed(effects) or "an effect")
-    if slow:
+    if outside and slow_alone(loop.findings):
         return say("headline.slow", found=found)
-    p, small = loop.after.tests, loop.test_error(loop.after) <= loop.held_out_threshold
+    p = loop.after.tests
     least = min(p, key=p.__getitem__, default="")
-    if loop.verdict == "outside_catalogue" and small and least and p[least] < SIGNIFICANT:
+    if outside and small(loop.findings) and least and p[least] < SIGNIFICANT:
         told = {"variable": variable_words(least), "p": p_text(p[least])}
         return say("headline.small", found=found, **told)
     return found

@@ -40,8 +40,7 @@ def sentence(found: Conclusion) -> str:
         case "too_weak":
             return _too_weak(told)
         case "outside_catalogue":
-            slow = slow_alone(found.findings, told.after, told.most)
-            return _outside(told, named, slow=slow)
+            return _outside(found, told, named)
     curves = [id for family in found.families for id in family.effects]
     what = [id for id in told.effects if id not in curves]
     decided = ""
@@ -66,20 +65,26 @@ def _too_weak(told: Told) -> str:
     return say(f"verdict.{code}", p=p_text(told.p_value), **values)
 
 
-def slow_alone(findings: Sequence[Finding], error: float, most: float) -> bool:
-    """Whether slow noise may explain what is left: a test `error` [sigma] of at most `most`, and
-    structure that changes slowly along the record, not with its velocity steps."""
+def small(findings: Sequence[Finding]) -> bool:
+    """Whether the errors of all blocks are as small as noise: none exceeds that of noise."""
+    return all(one.code is not LoopCode.BLOCK for one in findings)
+
+
+def slow_alone(findings: Sequence[Finding]) -> bool:
+    """Whether slow noise may explain what is left: errors as small as noise, and structure that
+    changes slowly along the record, not with its velocity steps."""
     left = [one.values for one in findings if one.code is LoopCode.STRUCTURE]
-    return error <= most and any("block_means" in one and _SLOW.issuperset(one) for one in left)
+    slow = any("block_means" in one and _SLOW.issuperset(one) for one in left)
+    return slow and small(findings)
 
 
-def _outside(told: Told, named: str, *, slow: bool) -> str:
+def _outside(found: Conclusion, told: Told, named: str) -> str:
     """What is known of what is missing: what explains a part, what would explain more, and where
-    the residual sits. `slow`: slow noise may explain it."""
+    the residual sits."""
     helped = told.effects and told.helped
-    code = "not_named" if told.closer else "outside"
-    parts = [say(f"verdict.{'small' if told.after <= told.most else code}", after=told.after)]
-    parts += [say("verdict.slow")] if slow else []
+    code = "small" if small(found.findings) else "not_named" if told.closer else "outside"
+    parts = [say(f"verdict.{code}", after=told.after)]
+    parts += [say("verdict.slow")] if slow_alone(found.findings) else []
     if told.effects:
         code = "helps" if helped else "in_vain"
         parts.append(say(f"verdict.{code}", named=named, change=change(told)))
