@@ -4,6 +4,8 @@ A step that is followed over two slip lengths fits a short L with A > B and a lo
 nearly as well. Errors that assume a quadratic misfit do not see this.
 """
 
+import json
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,6 +13,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 import jaxfric
+from jaxfric.report.estimates import sign_of
+from jaxfric.report.fit_text import headline, rows
+from jaxfric.runs.table import estimate_cell, fit_cells
 
 K, V0, SIGMA = 1.6e3, 1e-6, 2e-4
 TIME, STEP, FASTER = np.linspace(0.0, 4.0, 81), 2.0, 10.0
@@ -73,10 +78,33 @@ def test_a_sign_that_another_slip_length_turns_is_not_claimed(fitted):
         if abs(rise - 4) > 0.75:
             compared += 1
             assert (fit.stability().kind == "open") == (rise < 4), (rise, fit.stability())
-            assert fit.A_minus_B.determined == (rise > 4)
+            rate = fit.A_minus_B
+            assert (rate.determined and not rate.lower <= 0 <= rate.upper) == (rise > 4)
             told = jaxfric.law_from_fit(fit, normal_force=500).warnings
             assert any("nothing of stability" in text for text in told) == (rise < 4)
     assert compared >= 4
+
+
+def test_every_place_says_the_same_of_a_difference(fitted):
+    """A number with its error where both ends of the interval are known, else nothing."""
+    kinds = set()
+    for fit in (fit for fit in fitted if fit.converged):
+        rate, known = fit.A_minus_B, all(fit.parameters[name].determined for name in "AB")
+        closed = bool(np.isfinite([rate.lower, rate.upper]).all())
+        kinds.add((known, closed, rate.lower <= 0 <= rate.upper))
+        assert not rate.determined or closed
+        assert rate.determined or not (closed and known)
+        (first, *_), (row, *_) = headline(fit), rows(fit)
+        assert ("a - b = " in first) == (row.value != "undetermined") == rate.determined
+        assert ("velocity weakens friction is not known" in first) == (sign_of(rate) == 0)
+        assert (
+            (fit_cells(fit)["std A-B"] is None)
+            == (estimate_cell(rate) == "-")
+            == (not rate.determined)
+        )
+        told = json.loads(json.dumps(fit.to_json(), allow_nan=False))["A_minus_B"]
+        assert (told["std"] is None) == (not rate.determined) and told["interval"] == "profile"
+    assert kinds >= {(True, True, True), (True, False, True)}
 
 
 def test_the_interval_of_a_difference_is_that_of_the_misfit():
@@ -126,7 +154,6 @@ def test_a_loop_claims_no_sign_that_another_slip_length_turns():
         equal = lambda x: np.exp([x[0], x[1], x[1], x[2]])  # noqa: E731
         rise = min(misfit([0.6, A, n * L], equal) for n in (1, 2)) - misfit(first, np.exp)
         assert abs(rise - 4) > 3 and loop.after.sign_is_known == (rise > 4), (rise, B)
-        assert loop.after.sign_is_known or not loop.after.A_minus_B.determined
         known.append(loop.after.sign_is_known)
     assert known == [True, False]
 

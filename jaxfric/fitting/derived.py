@@ -78,8 +78,8 @@ def rate_dependence(fit: Estimated, span: float = 0.0, along: Interval | None = 
 
     A - B is determined if A and all B are determined, or if half of the interval of A - B is less
     than the `span` of friction in the record. The steady friction before and after a velocity step
-    can fix A - B even if the friction peak of the step is not resolved. A - B is undetermined if
-    its sign is different at another slip length.
+    can fix A - B even if the friction peak of the step is not resolved. An interval with an open
+    end determines nothing.
     """
     names = amplitudes(fit)
     value, std = difference(fit)
@@ -93,7 +93,8 @@ def rate_dependence(fit: Estimated, span: float = 0.0, along: Interval | None = 
         upper,
         fit.parameters[names[0]].unit,
         free=any(fit.parameters[n].free for n in names),
-        determined=bool(names and known and np.isfinite(half) and one_sign(along)),
+        determined=bool(names and known and np.isfinite(half)),
+        profiled=along is not None,
     )
 
 

@@ -2,13 +2,11 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from ..fitting import Estimate
 from ..records import Record
-from ..stability.claims import SURE
 from ..units import decimals, factor, measured, read_as, with_unit
 
 UNDETERMINED = "undetermined"
@@ -33,22 +31,13 @@ def friction_line(rate: Estimate, parameters: Mapping[str, Estimate], length: st
         if (m := STATE.fullmatch(name))
     }
     states = sorted(name for name in own if name[0] == "b")
-    only_sign = _is_open(rate, [known for name, known in own.items() if name[0] in "ab"])
-    number = replace(rate, determined=True) if only_sign else rate
-    shown = {" - ".join(("a", *(states or ["b"]))): number}
+    shown = {" - ".join(("a", *(states or ["b"]))): rate}
     shown |= {name: own[name] for name in sorted(own, key=lambda name: "abD".index(name[0]))}
     told = [
         f"{name} {'=' if _known(estimate) else 'is'} {with_error(estimate, length)}"
         for name, estimate in shown.items()
     ]
-    return f"{', '.join(told)}: {_sign(rate)}."
-
-
-def _is_open(rate: Estimate, amplitudes: Sequence[Estimate]) -> bool:
-    """Whether only the sign of A - B is open: A and all B are determined, and A - B is within two
-    standard errors of 0. The number and its error are then stated, but no sign."""
-    known = math.isfinite(rate.std) and all(_known(one) for one in amplitudes)
-    return known and abs(rate.value) <= SURE * rate.std
+    return f"{', '.join(told)}: {_SIGNS[sign_of(rate)]}."
 
 
 def with_error(estimate: Estimate, length: str) -> str:
@@ -64,13 +53,18 @@ def _known(estimate: Estimate) -> bool:
     return estimate.free and estimate.determined
 
 
-def _sign(rate: Estimate) -> str:
-    """What the sign of A - B means, where its 95 % interval has one sign."""
-    if rate.determined and rate.upper < 0:
-        return "velocity weakening"
-    if rate.determined and rate.lower > 0:
-        return "velocity strengthening"
-    return "whether velocity weakens friction is not known"
+def sign_of(rate: Estimate) -> int:
+    """The sign of A - B where its 95 % interval has one sign, else 0. An interval with one open end
+    does not determine A - B, but may give its sign."""
+    known = rate.determined or math.isinf(rate.std)
+    return int(known and rate.lower > 0) - int(known and rate.upper < 0)
+
+
+_SIGNS = {
+    -1: "velocity weakening",
+    0: "whether velocity weakens friction is not known",
+    1: "velocity strengthening",
+}
 
 
 def bracketed(estimate: Estimate, *, short: bool = False) -> str:

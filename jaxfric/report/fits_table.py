@@ -13,6 +13,7 @@ from ..fitting import Estimate, Fit
 from ..fitting.misfit import COLUMN, EXCESS, excess
 from ..runs.table import BRACKETS, Cell, csv_text, estimate_cell, fit_cells, parameter_cells
 from ..schemas import FITS
+from .estimates import sign_of
 from .latex import latex_cells, latex_of, plain
 from .report import Report
 from .tables import TextTable
@@ -193,8 +194,7 @@ def report_of_files(fits: Sequence[TabledFit]) -> Report:
     rates = [one.fit.A_minus_B for one in fits if one.fit is not None and one.known]
     line = f"{len(rates)} of {len(fits)} records fitted"
     if rates:
-        weak = sum(rate.determined and rate.upper < 0 for rate in rates)
-        strong = sum(rate.determined and rate.lower > 0 for rate in rates)
+        weak, strong = (sum(sign_of(rate) == sign for rate in rates) for sign in (-1, 1))
         unknown = len(rates) - weak - strong
         signs = {
             "velocity weakening": weak,

@@ -234,8 +234,9 @@ def _doubts(content: Mapping) -> list[str]:
 
 
 def _undetermined(table: Mapping) -> list[str]:
-    """Warn if the model of a loop leaves A - B undetermined."""
-    claim = Claim("critical" if _is_known(table) else "open", ("A - B is not determined",))
+    """Warn if the model of a loop leaves the sign of A - B undetermined."""
+    reasons = ("the sign of A - B is not determined",)
+    claim = Claim("critical" if _is_known(table) else "open", reasons)
     return open_words("loop", claim, "values and samples")
 
 
