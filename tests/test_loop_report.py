@@ -18,6 +18,7 @@ from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from command import assert_refused, record_text, run, written
@@ -26,9 +27,11 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from rich.console import Console
 
+import jaxfric
 from jaxfric.cli.app import app
 from jaxfric.cli.loop import tell_loop
 from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE, RunChange, separators
+from jaxfric.effects.effect import made
 from jaxfric.findings import Finding, Severity
 from jaxfric.fitting import Estimate, Fit, NoiseEstimate, NoisePart
 from jaxfric.fitting.axis_preparation import Preparation
@@ -60,7 +63,7 @@ from jaxfric.report.loop_page import page
 from jaxfric.report.loop_plan import CHANGES, PlannedRun, deciding_run
 from jaxfric.report.loop_report import first_lines, headline
 from jaxfric.report.loop_report import report as report_of
-from jaxfric.report.loop_text import candidates, errors, rests_on
+from jaxfric.report.loop_text import candidates, errors, moved, rests_on
 from jaxfric.report.report import print_details
 from jaxfric.report.rig_words import AXIS, SLIDER
 from jaxfric.report.verdict_text import change, words_of_refusal
@@ -1228,6 +1231,34 @@ def test_a_curve_whose_shape_is_not_told_is_said_to_be_so(snapshot):
     assert told.to_json()["families"][0]["fitting"] == ["a cubic in ln V"]
     texts = {"headline": headline(told), "apart": "\n".join(apart(told)), "to do": to_do(told)}
     snapshot("family", texts)
+    assert [f"errors assume the curve {id};" in text for text in first_lines(told)][2]
+    assert not any("errors assume" in text for text in first_lines(loop))
+
+
+def test_the_level_is_named_without_the_steady_friction_of_effects():
+    """By the effects themselves: which of them change steady friction at V0, from their rigs."""
+    law = jaxfric.RateState(
+        f0=0.6, A=0.01, B=[0.008], L=[2e-5], V0=1e-6, evolution=jaxfric.SlipEvolution()
+    )
+    rig = jaxfric.Rig(jaxfric.QuasiStatic(5e3), law)
+    motion = jaxfric.PiecewiseVelocity(np.array([0.0]), np.array([1e-6]))
+    loop = make_loop("no_missing_effect")
+    for id, shapes in {
+        "stribeck": {"fs": 0.02, "Vs": 1e-6, "d": 1.0},
+        "viscous": {"c": 1e3},
+        "evolution_cutoff": {"c": 1e5},
+        "thermal": {"a_T": 0.01, "tau_T": 1.0},
+        "ageing": {"q": 0.5},
+        "second_state": {"B2": 0.003, "L2": 1e-4},
+        "velocity_dependent_L": {"n": 0.1},
+    }.items():
+        with_it = made(CATALOGUE[id], {n: jnp.asarray(v) for n, v in shapes.items()}).embed(rig)
+        level = float(jaxfric.simulate(with_it, motion, jnp.asarray([0.0, 100.0])).force[-1])
+        own = {f"{id}.{name}": _estimate(v, v / 9, "1") for name, v in shapes.items()}
+        after = dataclasses.replace(loop.after, parameters={**loop.after.parameters, **own})
+        found = dataclasses.replace(loop, after=after)
+        (row,) = [row for row in moved(found).rows if row[0] == "f0"]
+        assert row[1].endswith(f" without {id}") == (abs(level - 0.6) > 1e-6), (id, level)
 
 
 def test_a_model_that_predicts_worse_than_the_base_is_not_used() -> None:

@@ -125,6 +125,11 @@ def first_lines(loop: Loop) -> list[str]:
     friction = [] if rate is None else [friction_line(rate, parameters, length_of(loop.record))]
     if friction and loop.supported is not loop.after:
         friction = [f"base model, as the effects added predict the test rows worse: {friction[0]}"]
+    curves = [id for family in loop.families for id in family.effects]
+    if friction and curves and loop.supported is loop.after:
+        friction += [
+            f"These errors assume the curve {listed(curves)}; with another curve, a and b differ."
+        ]
     if loop.verdict == "effects":
         told = [f"{id}: {meaning(loop, id)}" for id in loop.effects if meaning(loop, id)]
     else:

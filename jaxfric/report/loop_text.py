@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 
-from ..effects import parameters
+from ..effects import STEADY_CURVES, parameters
+from ..effects.friction import Thermal
 from ..findings import Severity, support
 from ..fitting import Estimate
+from ..loop.family import listed
 from ..loop.result import CandidateScore, Loop
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, SIGNIFICANT
@@ -31,6 +33,8 @@ _ROLES = {
     "failed": "did not converge",
 }
 """Roles of a model in the search, by `Loop.role`."""
+_STEADY = (*STEADY_CURVES, Thermal.id)
+"""Effects that change the steady friction of a slider at V0."""
 
 
 def errors(loop: Loop) -> TextTable:
@@ -91,12 +95,19 @@ def _meaning(loop: Loop, name: str) -> str:
     if "." not in name:
         try:
             text = loop.words.quantity(name).text
+            if name == "f0" and (own := [id for id in _effects(loop) if id in _STEADY]):
+                text += f" without {listed(own)}"
             return "moment of inertia" if (name, loop.length_unit) == ("M", "rad") else text
         except KeyError:
             return "reference velocity" if name == "V0" else ""
     effect, field = name.split(".", 1)
     known = parameters(loop.words.catalogue[effect]) if effect in loop.words.catalogue else {}
     return known[field].text if field in known else ""
+
+
+def _effects(loop: Loop) -> list[str]:
+    """Effects of the final model, declared ones too."""
+    return list(dict.fromkeys(n.split(".")[0] for n in loop.after.parameters if "." in n))
 
 
 def significance(loop: Loop) -> TextTable:
