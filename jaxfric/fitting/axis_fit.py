@@ -9,6 +9,7 @@ an output-error fit a wrong friction law appears as a position error.
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -69,15 +70,13 @@ def output_error(
 
     The fit compares every tenth sample of the position. `closed_loop` gives the simulated
     controller. The recorded disturbance is added to the controller's force. Lags and delays of the
-    motor force are not simulated.
+    motor force are not simulated. If friction becomes so steep in the fit that the simulation needs
+    shorter steps, the fit is repeated with these.
     """
     drive, reference = record.drive, record.reference_position
     if drive is None or reference is None or record.position is None:
         return None
     if drive.K_p is None or drive.K_d is None or drive.position_gain is None:
-        return None
-    # a slow record does not determine the mass, which underflows
-    if not problem.rig(jnp.asarray(z)).mass > 0:
         return None
     problem, kept = _moving_states(problem, free)
     z, free = z[kept], np.searchsorted(kept, free)
@@ -85,13 +84,22 @@ def output_error(
     controller = Controller(
         jnp.asarray(drive.position_gain), jnp.asarray(drive.K_d), jnp.asarray(interval)
     )
-    number = substeps(problem.rig(jnp.asarray(z)), interval)
     measured = jnp.asarray(record.position)
     added = record.disturbance_force
     disturbance = jnp.zeros(len(record)) if added is None else jnp.asarray(added)
-    setting = _Setting(controller, jnp.asarray(reference), measured, disturbance, number)
-    found = _solve(lambda z, index: _position_error(problem, setting, z, index), z, free)
-    return _fit("closed-loop output error", problem, found, free, np.asarray(measured)[::COMPARED])
+
+    def needed(z: np.ndarray) -> int | None:
+        return substeps(problem.rig(jnp.asarray(z)), interval, problem.motion)
+
+    number = needed(z)
+    while number is not None:  # None: a slow record does not determine the mass, which becomes 0
+        setting = _Setting(controller, jnp.asarray(reference), measured, disturbance, number)
+        found = _solve(partial(_position_error, problem, setting), z, free)
+        z, number = found.y, needed(found.y)
+        if number is not None and number <= setting.substeps:
+            recorded = np.asarray(measured)[::COMPARED]
+            return _fit("closed-loop output error", problem, found, free, recorded)
+    return None
 
 
 def _moving_states(problem: AxisProblem, free: np.ndarray) -> tuple[AxisProblem, np.ndarray]:

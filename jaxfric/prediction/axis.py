@@ -204,7 +204,8 @@ def _force_error(problem: AxisProblem, values: dict[str, float]) -> np.ndarray:
 
 
 def _closed_loop(setting: _AxisSetting, name: str) -> ClosedLoop | None:
-    """Simulate position and force of model and controller; None if the controller is not known."""
+    """Simulate position and force of model and controller. None if the controller is not known, or
+    if the mass is near 0."""
     record, problem = setting.record, setting.problem
     drive, reference = record.drive, record.reference_position
     if drive is None or reference is None or record.position is None:
@@ -220,13 +221,16 @@ def _closed_loop(setting: _AxisSetting, name: str) -> ClosedLoop | None:
     controller = Controller(
         jnp.asarray(drive.position_gain), jnp.asarray(drive.K_d), jnp.asarray(interval)
     )
+    number = substeps(rig, interval, problem.motion)
+    if number is None:
+        return None
     added = record.disturbance_force
     return simulate_closed_loop(
         rig,
         controller,
         jnp.asarray(reference),
         jnp.asarray(record.position[:3]),
-        substeps=substeps(rig, interval),
+        substeps=number,
         disturbance=jnp.zeros(len(record)) if added is None else jnp.asarray(added),
     )
 

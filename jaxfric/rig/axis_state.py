@@ -47,10 +47,6 @@ class AbstractAxisState(eqx.Module):
     def rest(self) -> Array:
         """State of an axis that has not moved yet."""
 
-    @abc.abstractmethod
-    def steepest(self, width: Array) -> Array:
-        """Upper bound of the slope dF/dv near rest [F s/m] for a sign smoothed over `width`."""
-
 
 class Bristle(AbstractAxisState):
     """Presliding: after a reversal friction recovers over a distance.
@@ -85,9 +81,6 @@ class Bristle(AbstractAxisState):
 
     def rest(self) -> Array:
         return jnp.zeros_like(self.a)
-
-    def steepest(self, width: Array) -> Array:
-        return jnp.zeros_like(self.a * width)
 
 
 class AxisRateState(AbstractAxisState):
@@ -147,9 +140,6 @@ class AxisRateState(AbstractAxisState):
 
     def rest(self) -> Array:
         return jnp.zeros_like(self.A)
-
-    def steepest(self, width: Array) -> Array:
-        return jnp.abs(self.A) * (1 + self._logarithm(width)) / width
 
     def _logarithm(self, velocity: Array) -> Array:
         return jnp.log1p(jnp.abs(velocity) / self.v_c)

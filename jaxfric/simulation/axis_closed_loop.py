@@ -13,18 +13,18 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from ..motion import MeasuredMotion
 from ..rig.axis import AxisRig
-from .ode import RealScalar
-from .thresholds import AXIS_STABLE
+from .thresholds import AXIS_STEP, LEAST_TRIED, MOST_SUBSTEPS, ROWS_TRIED, SPEEDS_TRIED
 
-_Moving = tuple[Float[Array, ""], Float[Array, ""], Float[Array, " s"]]
-"""Position, velocity and the states of friction."""
+_Carry = tuple[Float[Array, " y"], Float[Array, ""], Float[Array, ""]]
+"""Position, velocity and the states of friction; positions at the last two samples."""
 
 
 class Controller(NamedTuple):
@@ -52,14 +52,48 @@ class ClosedLoop(NamedTuple):
     """Motor force from that sample on."""
 
 
-def substeps(rig: AxisRig, interval: float) -> int:
-    """Return the number of steps per sample, a power of two. With so many steps an explicit method
-    is stable at the steepest slope of the smoothed sign of friction."""
-    slope = abs(float(rig.coulomb)) / float(rig.width)
-    slope += sum(float(state.steepest(rig.width)) for state in rig.states)
-    rate = slope / float(rig.mass)
-    number = max(1.0, interval * rate / AXIS_STABLE)
-    return 2 ** math.ceil(math.log2(number))
+@eqx.filter_jit
+def fastest(rig: AxisRig, motion: MeasuredMotion) -> Float[Array, ""]:
+    """Upper bound of the rates [1/s] at which the velocity of an axis changes near a motion.
+
+        (b + sqrt(b^2 + 4 c))/2,   b = |dF/dv|/M,   c = |dF/dq + sum_i dF/dz_i dz_i'/dv|/M
+
+    F is friction and z its states. The bound is the largest of rows of the motion, of velocities
+    from rest to the largest speed in both directions, and of steady states at rest and at that
+    speed. The relaxation of states does not count: `closed_loop` limits its rate.
+    """
+    rows = np.linspace(0, motion.time.shape[0] - 1, ROWS_TRIED).astype(int)
+    largest = jnp.max(jnp.abs(motion.velocity))
+    speeds = jnp.geomspace(LEAST_TRIED * rig.width, jnp.maximum(largest, rig.width), SPEEDS_TRIED)
+    velocities = jnp.concatenate([-speeds, jnp.zeros(1), speeds])
+
+    def bound(row: Array, v: Array, steady: Array) -> Array:
+        q, t, states = motion.position[row], motion.time[row], rig.steady(steady)
+
+        def along(q: Array, v: Array, states: tuple[Array, ...]) -> Array:
+            return rig.friction(q, v, t, states)
+
+        def rates(v: Array) -> tuple[Array, ...]:
+            return tuple(state.rate(z, v) for state, z in zip(rig.states, states, strict=True))
+
+        spring, damping, by_state = jax.grad(along, argnums=(0, 1, 2))(q, v, states)
+        moved = jax.jvp(rates, (v,), (jnp.ones_like(v),))[1]
+        spring += sum(f * z for f, z in zip(by_state, moved, strict=True))
+        half = 0.5 * jnp.abs(damping) / rig.mass
+        return half + jnp.sqrt(half**2 + jnp.abs(spring) / rig.mass)
+
+    steady = jnp.stack([-largest, jnp.zeros_like(largest), largest])
+    grid = jnp.meshgrid(rows, velocities, steady)
+    return jnp.max(jax.vmap(bound)(*(x.ravel() for x in grid)))
+
+
+def substeps(rig: AxisRig, interval: float, motion: MeasuredMotion) -> int | None:
+    """Return the number of steps per sample, a power of two, with which the simulation of an axis
+    near a motion is stable and accurate. Return None if an axis is too fast: its mass is near 0."""
+    number = interval * float(fastest(rig, motion)) / AXIS_STEP
+    if not number <= MOST_SUBSTEPS:  # nan where the mass is 0
+        return None
+    return 2 ** math.ceil(math.log2(max(1.0, number)))
 
 
 def closed_loop(
@@ -84,44 +118,35 @@ def closed_loop(
     not simulated.
     """
     h = controller.interval / substeps
-    solver = diffrax.Tsit5(scan_kind="lax")  # forward mode needs "lax"
 
-    def rate(t: RealScalar, y: _Moving, force: Array) -> _Moving:
-        q, v, values = y
-        resisted = rig.friction(q, v, jnp.asarray(t), tuple(values))
+    def rate(t: Array, y: Array, force: Array) -> Float[Array, " y"]:
+        q, v, *values = y
         pairs = zip(rig.states, values, strict=True)
         rates = [state.rate(value, v, shortest=0.5 * h) for state, value in pairs]
-        return v, (force - resisted) / rig.mass, _vector(rates)
+        return jnp.stack([v, (force - rig.friction(q, v, t, values)) / rig.mass, *rates])
 
-    term = diffrax.ODETerm(rate)
+    def step(y: Array, t: Array, force: Array) -> Float[Array, " y"]:
+        first = rate(t, y, force)
+        second = rate(t + h / 2, y + h / 2 * first, force)
+        third = rate(t + h / 2, y + h / 2 * second, force)
+        last = rate(t + h, y + h * third, force)
+        return y + h / 6 * (first + 2 * (second + third) + last)
 
-    def sample(
-        carry: tuple[_Moving, Array, Array], row: tuple[Array, Array, Array]
-    ) -> tuple[tuple[_Moving, Array, Array], tuple[Array, Array, Array]]:
+    def sample(carry: _Carry, row: tuple[Array, Array, Array]) -> tuple[_Carry, ClosedLoop]:
         y, last, before_last = carry
         t, target, added = row
         force = controller.force(target, y[0], before_last) + added
-
-        after = y
-        for k in range(substeps):
-            t0 = t + k * h
-            state = solver.init(term, t0, t0 + h, after, force)
-            after = solver.step(term, t0, t0 + h, after, force, state, made_jump=True)[0]
-        return (after, y[0], last), (y[0], y[1], force)
+        after = jax.lax.fori_loop(0, substeps, lambda k, y: step(y, t + k * h, force), y)
+        return (after, y[0], last), ClosedLoop(y[0], y[1], force)
 
     speed = (first[2] - first[0]) / (2 * controller.interval)
     begun = [state.rest() for state in rig.states] if states is None else states
-    start = (first[0], speed, _vector(begun))
+    start = jnp.stack([first[0], speed, *begun])
     back = first[0] - controller.interval * speed
     times = jnp.arange(reference.shape[0]) * controller.interval
     added = jnp.zeros_like(reference) if disturbance is None else disturbance
     begin = (start, back, back - (first[0] - back))
-    _, seen = jax.lax.scan(sample, begin, (times, reference, added))
-    return ClosedLoop(*seen)
-
-
-def _vector(values: Sequence[Array]) -> Float[Array, " s"]:
-    return jnp.stack(values) if values else jnp.zeros(0)
+    return jax.lax.scan(sample, begin, (times, reference, added))[1]
 
 
 simulate_closed_loop = eqx.filter_jit(closed_loop)

@@ -5,9 +5,16 @@ SAFETY = 0.03
 interpolant adds its own; this factor keeps the result within 10 rtol (tests/test_simulate.py)."""
 STIFF = 3000.0
 """Load-point path over A/K (spring relaxations) above which the stiff method is faster."""
-STABLE, AXIS_STABLE = 2.5, 2.0
-"""Rate of the fastest change times the longest step, of a slider and of an axis. Tsit5 is stable to
-3.3 for real rates."""
+STABLE = 2.5
+"""Rate of the fastest change times the longest step of a slider. Tsit5 is stable to 3.3 for real
+rates."""
+AXIS_STEP = 0.5
+"""The same of an axis, whose method is stable to 2.8."""
+LEAST_TRIED, SPEEDS_TRIED, ROWS_TRIED = 1e-3, 40, 64
+"""Least speed over the width of the smoothed sign, number of speeds and of rows of the motion, at
+which the rate of an axis is computed."""
+MOST_SUBSTEPS = 4096
+"""Largest number of steps per sample of an axis; a record of 20,000 rows then takes seconds."""
 SHRINK, GROW, CAUTION = 0.2, 10.0, 0.9
 """Least and largest factor between the lengths of two steps, and the share of the length at which
 the estimated error would equal its tolerance."""
