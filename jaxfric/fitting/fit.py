@@ -251,8 +251,8 @@ def require_float64() -> None:
     """Raise `InputError` if JAX uses 32-bit numbers."""
     if not jax.config.jax_enable_x64:  # ty: ignore[missing-attribute]
         raise InputError(
-            "fit needs 64-bit numbers: add jax.config.update('jax_enable_x64', True) after "
-            "'import jax', before any array is made"
+            "fits, loops, predictions and plans need 64-bit numbers: add "
+            "jax.config.update('jax_enable_x64', True) after 'import jax', before any array is made"
         )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..errors import InputError, option
 from ..findings import WarningCode, warned
+from ..fitting.fit import require_float64
 from ..fitting.noise import Noise
 from ..fitting.result import Fit
 from ..fitting.uncertainty import determined
@@ -55,10 +56,12 @@ def find_posterior(
 
     Raises
     ------
-    InputError : the fit did not converge; an invalid prior (`priors_of`); too few draws or chains.
+    InputError : float64 is off; the fit did not converge; an invalid prior (`priors_of`); too few
+        draws or chains.
 
     Correlated priors and a prior of the noise are not available.
     """
+    require_float64()
     target, start = target_of(fit, {} if priors is None else priors, noise=noise)
     if draws is not None:
         refuse_few(draws, chains)

@@ -6,6 +6,7 @@ from pathlib import Path
 from ..effects import ids_of
 from ..errors import InputError
 from ..fitting import Fit
+from ..fitting.fit import require_float64
 from ..lazy import old_arguments
 from ..loop import Loop
 from ..records import AxisRecord, Record, VelocitySteps
@@ -67,6 +68,7 @@ def predict(
 
     Limitations: parameters of an axis cannot be fitted; the record must start in steady sliding.
     """
+    require_float64()
     saved = load_model(model)
     record = _record_for(saved, record)
     if isinstance(record, AxisRecord):

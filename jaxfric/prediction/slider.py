@@ -20,7 +20,7 @@ from ..errors import InputError, option
 from ..findings import Warned, WarningCode, warned
 from ..fitting.assumed import changed_stress, unsteady_start
 from ..fitting.encompassing import EncompassingModel
-from ..fitting.fit import forward_steps, require_float64, steps_of
+from ..fitting.fit import forward_steps, steps_of
 from ..fitting.noise import estimate_noise, noise_rows, sandwich
 from ..fitting.padding import bucket
 from ..fitting.problem import Model, Problem
@@ -75,7 +75,6 @@ def predict_slider(
     progress: Callable[[str], None],
 ) -> Prediction:
     """Compare the model of a slider with a record, as `jaxfric.predict` describes."""
-    require_float64()
     _refuse_other(saved, record)
     setting = _setting(saved, record, stiffness, steps)
     tried: dict[str, _Found] = {}

@@ -21,6 +21,7 @@ from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of
 from ..errors import InputError, option
 from ..findings import WarningCode, warned
 from ..fitting.encompassing import EncompassingModel
+from ..fitting.fit import require_float64
 from ..fitting.padding import bucket
 from ..fitting.problem import (
     Channel,
@@ -113,15 +114,16 @@ def plan(
 
     Raises
     ------
-    InputError : fewer than two different velocities, a velocity that is not positive; a parameter
-        missing or out of bounds; an unknown effect; a slider that runs away, in steady motion or at
-        a step.
+    InputError : float64 is off; fewer than two different velocities, a velocity that is not
+        positive; a parameter missing or out of bounds; an unknown effect; a slider that runs away,
+        in steady motion or at a step.
 
     Only samples of the train block count, which `jaxfric.loop` would fit (`loop.split`). The
     prediction does not cover holds, reversals, correlated noise, uncertain step times, or effects
     so large that they are nonlinear.
     """
     begun = time.monotonic()
+    require_float64()
     velocities, values = tuple(map(float, asked.velocities)), dict(asked.parameters)
     asked = replace(asked, law=known_law(asked.law))
     _check(asked)

@@ -21,6 +21,7 @@ from ...fitting import Estimate
 from ...fitting.axis_preparation import Preparation, Prepared
 from ...fitting.axis_problem import AxisProblem, make_problem
 from ...fitting.encompassing import EncompassingModel
+from ...fitting.fit import require_float64
 from ...lazy import old_arguments
 from ...records.axis_record import AxisRecord
 from ...records.axis_units import inertia_unit
@@ -77,12 +78,13 @@ def close_axis_loop(
 
     Raises
     ------
-    InputError : an unknown effect, or an effect of rotary axes for a linear one; no reversal, too
-        few motion segments; as in `prepare`.
+    InputError : float64 is off; an unknown effect, or an effect of rotary axes for a linear one;
+        no reversal, too few motion segments; as in `prepare`.
 
     Not supported: two axes, backlash, a varying payload.
     """
     begun = time.monotonic()
+    require_float64()
     record, include, exclude = as_axis_record(record), ids_of(include), ids_of(exclude)
     asked = offered(
         AXIS_CATALOGUE, own, include, exclude, max_effects, partial(effect_of, rig=AxisRig)

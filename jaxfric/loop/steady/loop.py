@@ -24,6 +24,7 @@ from ...effects import ids_of
 from ...errors import InputError, option
 from ...findings import Finding, Severity, deciding_rows
 from ...fitting.axis_problem import NEGLIGIBLE
+from ...fitting.fit import require_float64
 from ...fitting.noise.thresholds import CLEAR
 from ...fitting.thresholds import LARGEST_ERROR
 from ...gains.axis import axis_gains
@@ -131,9 +132,10 @@ def close_steady_loop(
 
     Raises
     ------
-    InputError : an unknown effect; fewer than 4 runs, one direction only, or fewer than 3 different
-        speeds; friction against the sign of the motion.
+    InputError : float64 is off; an unknown effect; fewer than 4 runs, one direction only, or
+        fewer than 3 different speeds; friction against the sign of the motion.
     """
+    require_float64()
     include, exclude = ids_of(include), ids_of(exclude)
     unknown = sorted({*include, *exclude} - set(STEADY_EFFECTS))
     if unknown:
