@@ -290,3 +290,25 @@ def test_stiffness_alone_beside_a_steep_corner():
         return min(rates) - required
 
     assert found.k_p == pytest.approx(brentq(beyond, 2000.0, 4000.0, xtol=1e-9), rel=1e-9)
+
+
+def test_gains_that_do_not_converge_are_the_best_that_were_seen():
+    """Least damping ratio of a massless slider: damping alone is best, where the margin jumps.
+
+    (k_v + A/V) (s + V/L) s + k_p (s + V/L) - B/L s = 0 is the characteristic equation.
+    """
+    v, ratio = 2e-3, 0.45
+    law = jf.RateState(50.0, A, [B], [L], 2e-3)
+    found = jf.minimum_gains(law, v, None, {"damping": ratio, "modulus": 0}, scale=(1000.0, 1000.0))
+
+    def norm(k_p):
+        def beyond(k_v):
+            a = k_v + A / v
+            return a * v / L + k_p - B / L - 2 * ratio * np.sqrt(a * k_p * v / L)
+
+        return np.hypot(k_p, brentq(beyond, 0.0, 2000.0)) / 1000
+
+    truth = min(norm(k_p) for k_p in np.geomspace(2e-6, 3700, 500))
+    assert truth == pytest.approx(1.0, abs=1e-4)
+    assert found.result in (GAINS.optimal, GAINS.not_converged)
+    assert np.all(found.slack >= 0) and truth <= found.norm < 1.02 * truth

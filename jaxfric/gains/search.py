@@ -20,6 +20,7 @@ from .requirement import Requirement
 from .thresholds import (
     CARRIED,
     FAR,
+    FEASIBLE,
     HALVINGS,
     NEAREST,
     RADII,
@@ -163,18 +164,20 @@ def _hardest(problem: GainProblem) -> Int[Array, " k"]:
 
 
 class _State(NamedTuple):
-    """State of a local search: the last steps, their start, and the slacks at the start."""
+    """State of a local search: the last steps, and the slacks at their start."""
 
     end: Steps
-    begun: Float[Array, " 2"]
     slack: Float[Array, " n"]
+    best: tuple[Float[Array, " 2"], Float[Array, " n"]]
+    """The feasible start of least norm so far, or the latest start, and its slacks."""
     count: Int[Array, ""]
     decided: Int[Array, " m"]
     """Scenarios active before, latest first; -1: none yet."""
 
 
 def _descend(problem: GainProblem, start: Float[Array, " 2"]) -> tuple[Steps, Float[Array, " n"]]:
-    """Repeat rounds of steps under the worst scenarios, until a whole round changes nothing.
+    """Repeat rounds of steps under the worst scenarios, until a whole round changes nothing. If
+    none does, the result is the best feasible start of a round.
 
     Half of the places keep scenarios active in earlier rounds. Otherwise the gains could alternate
     between two scenarios, each of which is worst where the other is active.
@@ -182,27 +185,37 @@ def _descend(problem: GainProblem, start: Float[Array, " 2"]) -> tuple[Steps, Fl
     number = min(CARRIED, problem.number)
     kept = number // 2 if number < problem.number else 0
 
-    def round_of(y: Array, size: Array, count: Array, decided: Array) -> _State:
+    def cost(y: Array, slack: Array) -> Array:
+        return jnp.where(jnp.min(slack) >= -FEASIBLE, jnp.linalg.norm(y), jnp.inf)
+
+    def round_of(
+        y: Array, size: Array, count: Array, decided: Array, best: tuple[Array, Array]
+    ) -> _State:
         slack = problem.slacks(y)
+        better = cost(y, slack) <= cost(*best)
+        best = jax.tree.map(lambda new, old: jnp.where(better, new, old), (y, slack), best)
         worst = jax.lax.top_k(-jnp.where(jnp.isnan(slack), -jnp.inf, slack), number)[1]
         old = jnp.where(decided >= 0, decided, worst[number - kept :])
         some = jnp.concatenate([worst[: number - kept], old])
         end = steps(problem.at(some), some, y, size)
-        return _State(end, y, slack, count + 1, jnp.concatenate([end.decided, decided])[:kept])
+        decided = jnp.concatenate([end.decided, decided])[:kept]
+        return _State(end, slack, best, count + 1, decided)
 
     def unfinished(state: _State) -> Array:
         return ~state.end.settled & (state.count < ROUNDS)
 
     def go_on(state: _State) -> _State:
-        return round_of(state.end.y, state.end.size, state.count, state.decided)
+        return round_of(state.end.y, state.end.size, state.count, state.decided, state.best)
 
     none = jnp.full(kept, -1, jnp.int32)
     size, count = jnp.asarray(TRUST), jnp.asarray(0)
-    begin = _zeros(jax.eval_shape(round_of, start, size, count, none))
-    begin = begin._replace(end=begin.end._replace(y=start, size=size), decided=none)
+    best = start, jnp.full(problem.number, -jnp.inf)
+    begin = _zeros(jax.eval_shape(round_of, start, size, count, none, best))
+    begin = begin._replace(end=begin.end._replace(y=start, size=size), decided=none, best=best)
     last = jax.lax.while_loop(unfinished, go_on, begin)
-    y = jnp.where(last.end.settled, last.end.y, last.begun)  # the point of the slack
-    return last.end._replace(y=y), last.slack
+    found = last.end.y, last.slack
+    y, slack = jax.tree.map(lambda x, z: jnp.where(last.end.settled, x, z), found, last.best)
+    return last.end._replace(y=y), slack
 
 
 @eqx.filter_jit
