@@ -7,8 +7,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxfric.effects import axis
+from jaxfric.fitting.axis_fit import output_error
+from jaxfric.fitting.axis_preparation import prepare
+from jaxfric.fitting.axis_problem import make_problem
+from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.motion import MeasuredMotion
-from jaxfric.rig.axis import AxisRig
+from jaxfric.records import Drive, axis_from_arrays
+from jaxfric.rig.axis import AxisRig, BaseLaw
 from jaxfric.simulation.axis_closed_loop import Controller, simulate_closed_loop, substeps
 
 H, WIDTH, K_P = 5e-3, 5e-3, 20.0
@@ -54,18 +59,18 @@ def rig_of(base, term, values):
     return rig if term is None else TERMS[term](*(jnp.asarray(x) for x in values)).embed(rig)
 
 
-def truth(base, K_d, term, values):
+def truth(base, K_d, term, values, reference=REFERENCE, width=WIDTH):
     """Position and velocity at the samples; LSODA from one sample to the next."""
     M, Fv, Fc, F0 = base
 
     def rates(t, y, force):
         q, v, z = y
         more, dz = (0.0, 0.0) if term is None else term(q, v, t, z, *values)
-        return [v, (force - Fv * v - Fc * np.tanh(v / WIDTH) - F0 - more) / M, dz]
+        return [v, (force - Fv * v - Fc * np.tanh(v / width) - F0 - more) / M, dz]
 
-    last = before = REFERENCE[0]
+    last = before = reference[0]
     y, found = np.array([last, 0.0, 0.0]), []
-    for t, r in zip(T, REFERENCE, strict=True):
+    for t, r in zip(np.arange(len(reference)) * H, reference, strict=True):
         found.append(y[:2])
         force = K_d * (K_P * (r - y[0]) - (y[0] - before) / (2 * H))
         before, last = last, y[0]
@@ -103,6 +108,26 @@ def test_the_closed_loop_resolves_the_fastest_rate_of_friction(base, K_d, term, 
     made = simulated(base, K_d, term, values)
     assert np.max(np.abs(made.position - q)) < 1e-6
     assert np.max(np.abs(made.velocity - v)) < 1e-3 * np.max(np.abs(v))
+
+
+def test_a_fit_that_makes_friction_steeper_takes_shorter_steps():
+    """From a tenth of the viscous friction; with the steps of the start F_c is off by 1 %."""
+    base, width, K_d = (0.2, 200.0, 0.3, 0.0), 0.05, 30.0
+    t = np.arange(400) * H
+    reference = 0.05 * (1 - np.cos(2 * np.pi * t / 0.8))
+    q, _ = truth(base, K_d, None, (), reference, width)
+    before_last = np.concatenate([q[[0, 0]], q[:-2]])
+    force = K_d * (K_P * (reference - q) - (q - before_last) / (2 * H))
+    drive = Drive(gain=1.0, position_gain=K_P, velocity_gain=K_d)
+    record = axis_from_arrays(t, force, position=q, reference_position=reference, drive=drive)
+    made = prepare(record.relative_time, q, None, force, held=True)
+    model = EncompassingModel(BaseLaw(), ())
+    weight = np.ones(len(made.time))
+    problem = make_problem(made, weight, model, width=width, noise_scale=1.0)
+    begin = problem.coordinates.to_free(jnp.asarray([0.2, 20.0, 0.3, 0.0]))
+    fit = output_error(problem, np.array(begin), np.arange(4), record)
+    assert fit is not None and fit.converged
+    np.testing.assert_allclose(list(fit.values.values()), base, rtol=1e-4, atol=1e-5)
 
 
 @pytest.mark.parametrize("mass", [0.0, 1e-30])

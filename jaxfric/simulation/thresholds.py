@@ -9,7 +9,7 @@ STABLE = 2.5
 """Rate of the fastest change times the longest step of a slider. Tsit5 is stable to 3.3 for real
 rates."""
 AXIS_STEP = 0.5
-"""The same of an axis, whose method is stable to 2.8."""
+"""The same of an axis, whose method is stable to 2.8; in a fit the rate may double."""
 LEAST_TRIED, SPEEDS_TRIED, ROWS_TRIED = 1e-3, 40, 64
 """Least speed over the width of the smoothed sign, number of speeds and of rows of the motion, at
 which the rate of an axis is computed."""
