@@ -13,6 +13,7 @@ from command import assert_refused, run
 
 import jaxfric as jf
 from fits.runs.generate import generate
+from jaxfric.fitting.derived import difference
 from jaxfric.fitting.stiffness import MachineStiffness
 from jaxfric.report.report import text_of
 from jaxfric.report.run_page import page
@@ -27,7 +28,6 @@ from jaxfric.runs.stick_slip import MIDDLE, Rises, find_rises
 from jaxfric.runs.stress_steps import FittedStress
 from jaxfric.runs.table import (
     csv_text,
-    difference,
     rows,
     text_cells,
     xlook_rows,
