@@ -169,15 +169,16 @@ class Prepared(NamedTuple):
         return self.white * 2 * np.pi * cutoff * np.sqrt(share / 3)
 
 
-def acceleration_noise(prepared: Prepared, white: float) -> float:
-    """Standard deviation of a row's acceleration error, if the recorded motion has an error of
-    standard deviation `white` in each sample."""
+def acceleration_noise(prepared: Prepared) -> float:
+    """Standard deviation of a row's acceleration error, from the white error of the recorded
+    motion."""
     f = np.linspace(0, 0.5 / prepared.interval, const.FREQUENCIES + 1)[1:]
-    return white * float(np.sqrt(np.mean(_acceleration_gain(prepared, f) ** 2)))
+    return prepared.white * float(np.sqrt(np.mean(_acceleration_gain(prepared, f) ** 2)))
 
 
 def acceleration_errors(prepared: Prepared, white: float) -> np.ndarray:
-    """A random draw of the acceleration errors (n) from such an error of the recorded motion."""
+    """A random draw of the acceleration errors (n), if the recorded motion has an error of standard
+    deviation `white` in each sample."""
     size = prepared.rows * prepared.preparation.decimation
     drawn = np.fft.rfft(np.random.default_rng(const.SEED).standard_normal(size))
     gain = _acceleration_gain(prepared, np.fft.rfftfreq(size, prepared.interval))

@@ -98,11 +98,6 @@ def rate_dependence(fit: Estimated, span: float = 0.0, along: Interval | None = 
     )
 
 
-def one_sign(along: Interval | None) -> bool:
-    """Whether A - B has one sign in its interval `along` other slip lengths; True without it."""
-    return along is None or not along[0] <= 0 <= along[1]
-
-
 def along_length(fit: Estimated, minimum: Callable[[], LeastMisfit]) -> Interval | None:
     """The 95 % interval of A - B along other slip lengths L, as `interval_along`; None for several
     states, or if L is known so well that the misfit is quadratic.

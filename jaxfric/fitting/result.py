@@ -12,7 +12,7 @@ from ..findings import Finding
 from ..motion import PiecewiseVelocity
 from ..records import Record, VelocitySteps
 from ..rig import Rig
-from ..stability.claims import OTHER_LENGTH, Claim, held_with_trend, rate_state_claim
+from ..stability.claims import OTHER_LENGTH, Claim, held_with_trend, one_sign, rate_state_claim
 from ..units import factor
 from .derived import (
     Critical,
@@ -23,7 +23,6 @@ from .derived import (
     critical_of,
     critical_stiffness_at,
     inertia_of,
-    one_sign,
     rate_dependence,
     signs,
 )

@@ -13,6 +13,7 @@ from ..fitting.derived import Interval, amplitudes, rate_dependence
 from ..fitting.noise.thresholds import TOLD
 from ..records import Record, VelocitySteps
 from ..runs.joined import Joined
+from ..stability.claims import one_sign
 from .axis.result import AxisDetails
 from .family import CurveFamily
 from .learn import error_factor
@@ -62,7 +63,7 @@ class Score:
     def sign_is_known(self) -> bool:
         """Whether the 95 % interval of A - B leaves out 0; True if the law has no A."""
         rate = self.A_minus_B
-        return rate is None or not rate.lower <= 0 <= rate.upper
+        return rate is None or one_sign((rate.lower, rate.upper))
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ from ..quantity import numbered_names
 from ..rig import Rig
 from ..rig.axis import LAW, AxisRig
 from ..schemas import FIT, LOOP
-from ..stability.claims import OTHER_LENGTH, Claim, held_with_trend, rate_state_claim
+from ..stability.claims import OTHER_LENGTH, Claim, held_with_trend, one_sign, rate_state_claim
 from .files import (
     Saved,
     is_lines,
@@ -243,9 +243,7 @@ def _undetermined(table: Mapping) -> list[str]:
 def _is_known(table: Mapping) -> bool:
     """Whether a model of a file determines its A - B with its sign, if it has one."""
     rate = table.get("A_minus_B") or {}
-    lower, upper = rate.get("lower"), rate.get("upper")
-    one_sign = lower is None or upper is None or not lower <= 0 <= upper
-    return rate.get("determined", True) and one_sign
+    return rate.get("determined", True) and one_sign((rate.get("lower"), rate.get("upper")))
 
 
 def _claim(about: Mapping) -> list[str]:

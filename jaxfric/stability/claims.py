@@ -107,6 +107,12 @@ def curve_claim(curve: Curve) -> Claim:
     return Claim("damped", damping=error - slope)
 
 
+def one_sign(interval: tuple[float | None, float | None] | None) -> bool:
+    """Whether an interval of A - B has one sign; True if the interval or an end is not known."""
+    lower, upper = interval or (None, None)
+    return lower is None or upper is None or not lower <= 0 <= upper
+
+
 def rate_state_claim(
     A: float, B: Sequence[float], error: float, *, determined: bool = True
 ) -> Claim:

@@ -175,7 +175,7 @@ def _cutoff(
             rough = rough_fit(prepared, rows.used, rows.width)
             noise = _from_row_to_row(rough.residual, rows.used) * np.sqrt(one.decimation)
             bias = attenuation_of_rough(prepared, rows.used, rough).in_errors
-            found.append((one, rough, acceleration_noise(prepared, prepared.white), noise, bias))
+            found.append((one, rough, acceleration_noise(prepared), noise, bias))
     if not found:
         return options[0], ""
     mass = max(abs(float(rough.values[0])) for _, rough, *_ in found)
