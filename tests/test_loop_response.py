@@ -140,7 +140,7 @@ def seen(case: Case, response) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     for id, shape in SHAPES.items():
         values = {k: jnp.asarray(v) for k, v in shape.items()} | {AMPLITUDES[id]: jnp.asarray(1.0)}
         term = effect_of(id)(**values).embed(rig).friction.terms[-1]
-        forces.append(term_forces(response, jax.tree.map(lambda x: x[None], term)))
+        forces += term_forces(response, [jax.tree.map(lambda x: x[None], term)])
     friction, slip = response(jnp.concatenate(forces, axis=1))
     pairs = zip(np.asarray(friction).T, np.asarray(slip).T, strict=True)
     return dict(zip(SHAPES, pairs, strict=True))

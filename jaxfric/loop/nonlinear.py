@@ -187,9 +187,10 @@ def linear_response(problem: Problem, z: Float[Array, " q"]) -> Response:
 
 
 @traced
-def term_forces(response: Response, terms: AbstractTerm) -> Float[Array, "k+1 q"]:
-    """Forces of a batch of friction terms along the unchanged motion of the slider."""
-    return jax.vmap(lambda term: _term_force(response, term), out_axes=1)(terms)
+def term_forces(response: Response, batches: Sequence[AbstractTerm]) -> list[Float[Array, "k+1 q"]]:
+    """Forces of batches of friction terms along the unchanged motion of the slider."""
+    force = jax.vmap(lambda term: _term_force(response, term), out_axes=1)
+    return [force(terms) for terms in batches]
 
 
 def _term_force(response: Response, term: AbstractTerm) -> Float[Array, " k+1"]:
@@ -240,11 +241,15 @@ def friction_sensitivities(
     problem = engine.evaluator.simulated(z, engine.problem)
     rig = rig_at(problem, z)
     response = linear_response(problem, jax.device_put(z))
-    shaped = {e: starts for e in missing if (starts := shapes_of(e, scales)) and _is_term(e, rig)}
+    shapes = {e: shapes_of(e, scales) for e in engine.offered}
+    shapes = {e: starts for e, starts in shapes.items() if starts and _is_term(e, rig)}
+    # the forces of all effects, of whichever are missing, so that one function is compiled
+    batches = [_terms(e, rig, _unit_terms(engine, e, starts)) for e, starts in shapes.items()]
+    forces = dict(zip(shapes, term_forces(response, batches), strict=True))
+    asked = [e for e in missing if e in shapes]
     return engine.each(
-        lambda effect, starts: _shaped_columns(engine, rig, response, effect, starts),
-        shaped.keys(),
-        shaped.values(),
+        lambda effect: _shaped_columns(engine, response, effect, shapes[effect], forces[effect]),
+        asked,
     )
 
 
@@ -282,24 +287,28 @@ def _is_term(effect: type[AbstractEffect], before: Rig) -> bool:
 
 def _shaped_columns(
     engine: Engine[Problem],
-    rig: Rig,
     response: Response,
     effect: type[AbstractEffect],
     shapes: Sequence[Mapping[str, float]],
+    forces: Float[Array, "k+1 q"],
 ) -> Sensitivities:
-    """Sensitivities of all shapes of an effect."""
-    problem, names, id = engine.problem, engine.names, effect.id
-    amplitudes = tuple(engine.model.amplitudes(id))
-    fields = [names[at].split(".")[1] for at in amplitudes]
+    """Sensitivities of all shapes of an effect with given forces."""
+    problem, id = engine.problem, effect.id
+    scale = np.asarray(problem.coordinates.scales)[list(engine.model.amplitudes(id))]
+    friction, slip = respond(response, np.asarray(forces) * np.tile(scale, len(shapes)))
+    friction = friction / float(problem.noise_scale)
+    return Sensitivities(columns_of(engine, id, shapes), friction, extra_rows(engine, slip))
+
+
+def _unit_terms(
+    engine: Engine[Problem], effect: type[AbstractEffect], shapes: Sequence[Mapping[str, float]]
+) -> dict[str, np.ndarray]:
+    """The parameters of an effect of every shape, with each of its amplitudes 1 by turns."""
+    fields = [engine.names[at].split(".")[1] for at in engine.model.amplitudes(effect.id)]
     pairs = [
         {**shape, **{f: float(f == own) for f in fields}} for shape in shapes for own in fields
     ]
-    batch = _terms(effect, rig, {name: np.array([one[name] for one in pairs]) for name in pairs[0]})
-    forces = np.asarray(term_forces(response, batch))
-    scale = np.asarray(problem.coordinates.scales)[list(amplitudes)]
-    friction, slip = respond(response, forces * np.tile(scale, len(shapes)))
-    friction = friction / float(problem.noise_scale)
-    return Sensitivities(columns_of(engine, id, shapes), friction, extra_rows(engine, slip))
+    return {name: np.array([one[name] for one in pairs]) for name in pairs[0]}
 
 
 def _terms(
