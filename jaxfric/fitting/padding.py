@@ -35,8 +35,8 @@ def counted_rows(
     columns: Float[Numbers, "n m"],
     scale: Float[Numbers, " *n"],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The input of a noise estimate (clock, weight, columns, scale) without rows of weight 0,
-    padded to a bucket size.
+    """The input of a noise estimate (clock, weight, columns, scale). Rows of weight 0 are moved to
+    the end, where they take no time.
 
     Correlation decays with the distance that a clock covers in either direction, so a clock that
     turns back is replaced by its path. Removing rows of weight 0 gives the same noise as skipping
@@ -44,13 +44,12 @@ def counted_rows(
     """
     clock, weight, columns, scale = (np.asarray(x) for x in (clock, weight, columns, scale))
     on = np.flatnonzero(weight > 0)
-    size = bucket(len(on))
-    if size >= len(weight) or not len(on):
+    if len(on) in (0, len(weight)):
         return clock, weight, columns, scale
     if np.any(np.diff(clock, axis=0) < 0):
         gone = np.cumsum(np.abs(np.diff(clock, axis=0)), axis=0)
         clock = np.concatenate([np.zeros_like(clock[:1]), gone])
-    taken = np.append(on, np.full(size - len(on), on[-1]))
-    filled = (np.arange(size) < len(on)).astype(float)
+    taken = np.append(on, np.full(len(weight) - len(on), on[-1]))
+    filled = (np.arange(len(weight)) < len(on)).astype(float)
     columns = columns[taken] * filled.reshape(-1, *[1] * (columns.ndim - 1))
     return clock[taken], weight[taken] * filled, columns, scale[taken] if scale.ndim else scale

@@ -17,6 +17,7 @@ from ..effects import RecordScales
 from ..findings import Finding
 from ..fitting import Estimate
 from ..fitting.derived import along_length
+from ..fitting.noise import Found as FoundNoise
 from ..fitting.noise import noise_estimate, noise_words
 from ..records import Record
 from .case import Case, P
@@ -87,13 +88,17 @@ class Subject(Generic[P]):
     """The reason for making no claim about missing effects; usually None."""
     normal_stress: float | None = None
     """As in `Loop`."""
+    noise: FoundNoise | None = None
+    """The noise of the base fit, if known."""
 
 
 def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[str], None]) -> Loop:
     """Search effects, locate the remaining misfit, and conclude with a verdict. `begun` is the
     starting time of the loop (`time.monotonic`)."""
     start, scales = declared(subject), subject.scales
-    found = search(Engine.of(subject.case), start, scales, most=most, progress=progress)
+    found = search(
+        Engine.of(subject.case, subject.noise), start, scales, most=most, progress=progress
+    )
     engine = found.engine
     progress("where the structure sits")
     floor, rows = noise_floor(engine, found.final), subject.reported(engine, found)
@@ -162,7 +167,7 @@ def declared(subject: Subject[P]) -> np.ndarray:
     if not case.choice.always:
         return z
     open_ = dataclasses.replace(case, choice=case.choice._replace(always=(), one_of=()))
-    engine = Engine.of(open_)
+    engine = Engine.of(open_, subject.noise)
     engine, current = learn_noise(engine, refit(engine, subject.fitted, z))
     if current.failed:
         return z

@@ -63,9 +63,9 @@ class NoiseState(NamedTuple):
     friction: np.ndarray
     """Recorded friction (or motor force) without hum."""
     clock: np.ndarray
-    """Clocks of the noise (N, k); the last one may have a different pace in every step."""
+    """Clocks of the noise (N, k); the last one counts rows, or rows over the `pace` of a step."""
     longest: np.ndarray
-    """Longest correlation length on every clock (k,)."""
+    """Longest correlation length on every clock (k,), on the last one in rows."""
     scale: np.ndarray
     """Relative size of the noise of every row (N,)."""
     alone: Noise
@@ -90,20 +90,21 @@ class Engine(Generic[P]):
     """Evaluates the problem with `noise.friction`."""
 
     @classmethod
-    def of(cls, case: Case[P]) -> Self:
-        """The engine of a case whose noise is not yet estimated."""
+    def of(cls, case: Case[P], found: FoundNoise | None = None) -> Self:
+        """The engine of a case whose noise is not yet estimated. Until then the noise has the parts
+        of `found`, the noise of the base fit.
+        """
         problem, blocks, bounds = case.problem, case.blocks, case.bounds
         rows = len(blocks.train)
         clock = np.asarray(problem.clock)
         longest = bounds.longest
         if longest is None:
             longest = longest_of_steps(clock[:rows], int(blocks.step.max()) + 1)
-        if bounds.by_step:  # a last clock, which `learn_noise` may use
-            clock = np.pad(clock, ((0, 0), (0, 1)))
-            longest = np.append(longest, 0.0)
         white = noise_of(1.0, 0.0, np.ones(clock.shape[1]))
         friction, scale = np.asarray(problem.friction), np.ones(len(clock))
         state = NoiseState(blocks, friction, clock, longest, scale, white)
+        if found is not None:
+            state = state._replace(family=found.family, noises=(found.theta,))
         return cls(case, state, evaluator_of(case, friction))
 
     def knowing(self, noise: NoiseState) -> Self:
@@ -316,13 +317,19 @@ class Engine(Generic[P]):
 
     def _noise_rows(self, residual: np.ndarray, columns: np.ndarray) -> NoiseRows:
         noise = self.noise
-        return noise_rows(
-            noise.clock, self.weight, residual, columns, noise.longest, scale=noise.scale
-        )
+        longest = self._longest()
+        return noise_rows(noise.clock, self.weight, residual, columns, longest, scale=noise.scale)
+
+    def _longest(self) -> np.ndarray:
+        """Longest correlation length on every clock of the noise (k,)."""
+        longest = np.array(self.noise.longest)
+        if self.noise.pace is not None:
+            longest[-1] /= np.max(self.noise.pace)
+        return longest
 
     def limits(self) -> Limits:
         """Shortest and longest correlation length of the noise search on each clock."""
-        return limits_of(self.noise.clock, self.weight, self.noise.longest)
+        return limits_of(self.noise.clock, self.weight, self._longest())
 
     def trial_noises(self) -> Noises:
         """Noises under which effects are screened."""

@@ -31,7 +31,7 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from ..fitting.noise import Found, Noises, coloured, noises_around, products
+from ..fitting.noise import Found, Noises, coloured, gram_of, noises_around
 from ..fitting.padding import counted_rows
 from ..fitting.thresholds import WIDE
 from ..threads import side_by_side
@@ -122,8 +122,7 @@ def evidence(
 
     def some(begin: int) -> tuple[np.ndarray, np.ndarray]:
         at = np.minimum(np.arange(begin, begin + NOISES_AT_ONCE), g - 1)
-        gram, log_det = products(*rows, jax.tree.map(lambda x: x[at], noises))
-        return np.asarray(gram), np.asarray(log_det)
+        return gram_of(*rows, jax.tree.map(lambda x: x[at], noises))
 
     grams, log_det = zip(*side_by_side(some, range(0, g, NOISES_AT_ONCE)), strict=True)
     more = np.concatenate([extra[0][:, None], extra[1]], axis=1)

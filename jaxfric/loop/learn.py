@@ -21,15 +21,14 @@ from ..fitting.noise import (
     find_hum,
     gain_of_pace,
     likeness_of_steps,
-    neighbours,
+    noise_estimate,
     own_clock,
     pace_of,
     sandwich,
     scale_of_steps,
 )
 from ..fitting.noise import Found as FoundNoise
-from ..fitting.padding import filled, padded_columns
-from ..fitting.thresholds import WIDE
+from ..fitting.padding import filled
 from .engine import Engine, NoiseState
 from .evaluate import Rows
 from .refit import Candidate, noise_at, refit
@@ -39,9 +38,11 @@ from .thresholds import ASKED, HELD_OUT, SEEN, SIGNIFICANT, TRAIN_FLOOR
 
 
 def seek_parts(engine: Engine, z: np.ndarray) -> Engine:
-    """The engine with provisional parts of noise, from the residual of the base at `z`. Fits before
-    `learn_noise` use these provisional parts of noise.
+    """The engine with provisional parts of noise, if it has none: those of the residual of the base
+    at `z`. Fits before `learn_noise` use these provisional parts of noise.
     """
+    if engine.noise.family is not None:
+        return engine
     rows = engine.evaluate(z, engine.free(()))
     if rows.failed:
         return engine
@@ -131,13 +132,12 @@ def _forgotten(engine: Engine) -> Engine:
 
 
 def _paced(engine: Engine, pace: np.ndarray | None) -> NoiseState:
-    """The noise whose last clock has the `pace` of every step; None: that clock is unused."""
-    clock, longest = np.array(engine.noise.clock), engine.noise.longest[:-1]
-    clock[:, -1], most = 0.0, 0.0
+    """The noise whose last clock counts rows, in units of the `pace` of every step if given."""
+    clock, rows = np.array(engine.noise.clock), np.asarray(engine.case.problem.clock)[:, -1]
     if pace is not None:
-        clock[:, -1] = own_clock(pace, engine.blocks.step, clock[: engine.rows, -2], len(clock))
-        most = longest[-1] / np.max(pace)
-    return engine.noise._replace(clock=clock, longest=np.append(longest, most), pace=pace)
+        rows = own_clock(pace, engine.blocks.step, rows[: engine.rows], len(clock))
+    clock[:, -1] = rows
+    return engine.noise._replace(clock=clock, pace=pace)
 
 
 def _learnt(engine: Engine, base: Candidate) -> tuple[Engine, Rows]:
@@ -164,18 +164,29 @@ def _with_pace(
 ) -> tuple[Engine, FoundNoise]:
     """Engine and noise with the pace of each step, if that lowers the BIC.
 
-    There is no search if the noise already explains the correlation of neighbouring rows per step.
+    The pace is tried if the noise does not explain the correlation of neighbouring rows per step.
+    The trial moves one part of the noise to the clock of the pace. Only if that lowers the BIC, the
+    parts are sought anew.
     """
     step, on, worth = engine.blocks.step, engine.passed_on(), np.log(engine.weight.sum())
     likeness = likeness_of_steps(columns[: engine.rows][on], step[on])
-    explained = np.asarray(neighbours(engine.noise.clock, found.noise))[: engine.rows]
+    apart = np.abs(np.diff(engine.noise.clock[: engine.rows], axis=0, append=np.nan))
+    explained = noise_estimate(found.noise, 1.0, engine.noise.longest).correlation(apart)
     steps = len(likeness) - 1
     if gain_of_pace(likeness, explained[on], step[on]) <= FAR_FROM * steps * worth:
         return engine, found
     paced = engine.knowing(_paced(engine, pace_of(likeness)))
-    own = paced.noise_afresh(train[:, 0], train[:, 1:])
-    more = own.family.parameters - found.family.parameters + steps
-    return (paced, own) if 2 * (own.value - found.value) > more * worth else (engine, found)
+
+    def pays(own: FoundNoise) -> bool:
+        more = own.family.parameters - found.family.parameters + steps
+        return 2 * (own.value - found.value) > more * worth
+
+    for family, theta in found.family.moved(found.theta, paced.noise.clock.shape[1] - 1):
+        moved = paced.noise_of_family(train[:, 0], train[:, 1:], family, (theta,))
+        if pays(moved):
+            own = paced.noise_afresh(train[:, 0], train[:, 1:])
+            return paced, own if pays(own) else moved
+    return engine, found
 
 
 def _with_scale(
@@ -272,7 +283,7 @@ def level_of(
     left = residual * mask
     left = left - smooth @ (smooth.T @ left)
     alone = noise._replace(sigma=np.ones(()))
-    taken = np.asarray(sandwich(clock, padded_columns(smooth, size=WIDE), alone))
+    taken = np.asarray(sandwich(clock, smooth, alone))
     whole = float(np.sum((mask * np.asarray(noise.scale)) ** 2))
     share = whole - float(np.trace(taken))
     return float(np.sqrt(left @ left / share * whole / mask.sum()))

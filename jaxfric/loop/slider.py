@@ -79,6 +79,7 @@ def slider_subject(
         details=lambda engine, found, after, *rest: None if details is None else details(after),
         edge=edge_of(base_fit),
         normal_stress=normal_stress,
+        noise=None if base_fit.solved is None else base_fit.solved.found,
     )
 
 

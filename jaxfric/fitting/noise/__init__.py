@@ -16,7 +16,7 @@
 # ruff: noqa: F401
 
 from .by_step import gain_of_pace, likeness_of_steps, own_clock, pace_of, scale_of_steps
-from .covariance import neighbours, rms_error, sandwich
+from .covariance import rms_error, sandwich
 from .estimate import CLOCKS, ROTARY_CLOCKS, NoiseEstimate, NoisePart, noise_estimate, noise_words
 from .families import Family, noises_around, noises_at
 from .filter import (
@@ -32,7 +32,7 @@ from .filter import (
 )
 from .glitches import NO_GLITCHES, Glitches, find_glitches
 from .hum import Hum, find_hum
-from .likelihood import products, restricted, restricted_white
+from .likelihood import gram_of, products, restricted
 from .model import Noise, Noises, noise_of
 from .parts import Exponential, Limits, Resonator, limit_of_negative
 from .quantisation import least_noise, recorded_steps, step_words

@@ -18,10 +18,10 @@ from .thresholds import (
 
 
 def clocks(time: np.ndarray, path: np.ndarray, pace: np.ndarray | None = None) -> np.ndarray:
-    """Clocks at every row (n, 4): time, load-point path, row number, and rows per `pace`."""
+    """Clocks at every row (n, 3): time, load-point path, and row number, or rows per `pace`."""
     moved = np.cumsum(np.abs(np.diff(path, prepend=path[:1])))
-    own = np.zeros(len(time)) if pace is None else np.cumsum(1 / pace)
-    return np.stack([time, moved, np.arange(float(len(time))), own], axis=1)
+    rows = np.arange(float(len(time))) if pace is None else np.cumsum(1 / pace)
+    return np.stack([time, moved, rows], axis=1)
 
 
 class Autocorrelation(NamedTuple):

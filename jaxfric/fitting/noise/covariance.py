@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from ...traced import traced
-from ..padding import Numbers
+from ..padding import Numbers, padded_columns
+from ..thresholds import FEW
 from .model import Noise, distances
 
 _Terms = Sequence[tuple[Array, Array]]
@@ -34,7 +35,9 @@ def sandwich(
     if not noise.parts:
         scaled = np.reshape(noise.sigma * noise.scale, (-1, 1)) * np.asarray(jacobian)
         return scaled.T @ scaled
-    return _sandwich(clock, jacobian, noise)
+    wide = padded_columns(np.asarray(jacobian), size=2 * FEW)  # few shapes for the compiler
+    found = np.asarray(_sandwich(clock, wide, noise))
+    return found[: jacobian.shape[1], : jacobian.shape[1]]
 
 
 @traced
@@ -44,12 +47,6 @@ def _sandwich(
     scaled = jacobian * jnp.broadcast_to(noise.scale, jacobian.shape[:1])[:, None]
     white = noise.white * scaled.T @ scaled
     return jnp.asarray(noise.sigma**2 * (white + _correlated(scaled, _terms(clock, noise))))
-
-
-@traced
-def neighbours(clock: Float[Numbers, "n *k"], noise: Noise) -> Float[Array, " n"]:
-    """Correlation of the noise in every row with that in the next row; 1 for the last row."""
-    return sum((x * jnp.exp(-d) for x, d in _terms(clock, noise)), jnp.zeros(len(clock))).real
 
 
 def _correlated(columns: Float[Numbers, "n p"], terms: _Terms) -> Float[Array, "p p"]:

@@ -14,10 +14,10 @@ from .model import Noise
 from .parts import Exponential, Resonator
 from .quantisation import least_noise, step_words
 
-CLOCKS = ("time", "path", "rows", "pace")
-"""Coordinates in which noise may be correlated: time [s], load-point path [m], row number, or row
-number over the correlation length of the velocity step."""
-ROTARY_CLOCKS = ("time", "angle", "rows", "pace")
+CLOCKS = ("time", "path", "rows")
+"""Coordinates in which noise may be correlated: time [s], load-point path [m], row number. If steps
+have a pace, rows count in units of the correlation length of their velocity step."""
+ROTARY_CLOCKS = ("time", "angle", "rows")
 """The clocks of a rotary axis, whose path is an angle [rad]."""
 _UNITS = {"time": "s", "path": "m", "angle": "rad", "rows": "rows", "pace": "memory of a step"}
 EXPONENTIAL = -1.0
@@ -31,7 +31,8 @@ class NoisePart:
     share: float
     """Share of the variance; negative if neighbouring rows are anticorrelated."""
     over: str
-    """The clock over which this part is correlated: one of `CLOCKS` or `ROTARY_CLOCKS`."""
+    """The clock over which this part is correlated: one of `CLOCKS` or `ROTARY_CLOCKS`, or "pace":
+    rows in units of the correlation length of their velocity step."""
     memory: float
     """Correlation length in [s], [m], [rad] or rows; the longer of two for an overdamped
     resonator."""
@@ -119,6 +120,10 @@ class NoiseEstimate:
         white = self.sigma**2 * (1 - self.correlated_share)
         return 2 * least_noise(self.steps) ** 2 > white
 
+    def column(self, part: NoisePart) -> int:
+        """The column of the clock of a part among the record's clocks."""
+        return self.clocks.index("rows" if part.over == "pace" else part.over)
+
     def resolved(self, apart: np.ndarray) -> "NoiseEstimate":
         """The noise as far as the sampling resolves it. `apart` (k,) is the distance of close rows
         on every clock. A noise part with little correlation over the distance `apart` counts as
@@ -127,7 +132,7 @@ class NoiseEstimate:
         parts = tuple(
             part
             for part in self.parts
-            if abs(part.correlation(apart[self.clocks.index(part.over)])) >= const.ALIKE
+            if abs(part.correlation(apart[self.column(part)])) >= const.ALIKE
         )
         return dataclasses.replace(self, parts=parts)
 
@@ -149,14 +154,14 @@ class NoiseEstimate:
 
     def bound(self) -> str:
         """The longest correlation length of the noise search, as text; empty if unknown."""
-        pairs = zip(self.clocks[:3], self.longest, strict=False)
+        pairs = zip(self.clocks, self.longest, strict=False)
         return " or ".join(NoisePart(1.0, over, most).text() for over, most in pairs)
 
     def correlation(self, apart: np.ndarray) -> np.ndarray:
         """Correlation (n,) of two rows at distances `apart` (n, k) on the record's clocks."""
         total = np.zeros(len(apart))
         for part in self.parts:
-            total += part.share * part.correlation(apart[:, self.clocks.index(part.over)])
+            total += part.share * part.correlation(apart[:, self.column(part)])
         return total
 
     def to_json(self) -> dict:
@@ -173,7 +178,7 @@ class NoiseEstimate:
                 }
                 for part in self.parts
             ],
-            "max_correlation": dict(zip(self.clocks[:3], self.longest, strict=False)),
+            "max_correlation": dict(zip(self.clocks, self.longest, strict=False)),
             "rate": list(self.pace),
             "gain": list(self.scale),
             "outliers": self.glitches.to_json(),
@@ -204,7 +209,8 @@ def noise_estimate(
             clock = int(np.argmax(part.rates))
             beta = float(part.beta) if isinstance(part, Resonator) else EXPONENTIAL
             memory = float(part.longest() / part.rates[clock])
-            parts.append(NoisePart(float(part.share), clocks[clock], memory, beta))
+            over = "pace" if clocks[clock] == "rows" and by_step[0] else clocks[clock]
+            parts.append(NoisePart(float(part.share), over, memory, beta))
     parts.sort(key=lambda part: -part.share)
     most = tuple(float(x) for x in np.ravel(longest))
     size = scale * float(noise.sigma)

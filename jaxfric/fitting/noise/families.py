@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from . import thresholds as const
 from .model import Noises, white_of
-from .parts import AbstractPart, Limits, Term
+from .parts import AbstractPart, Exponential, Limits, Term
 
 
 class Family(NamedTuple):
@@ -49,6 +49,21 @@ class Family(NamedTuple):
         rest = [own for i, own in enumerate(self.split(theta)) if i != k]
         terms = tuple(term for i, term in enumerate(self.terms) if i != k)
         return Family(terms), np.concatenate([np.zeros(0), *rest])
+
+    def moved(self, theta: np.ndarray, clock: int) -> list[tuple["Family", np.ndarray]]:
+        """The families with one part moved to another `clock`, where it starts at a correlation
+        length of 1; from white noise, the family with an exponential over this clock.
+        """
+        if not self.terms:
+            return [(Family((Exponential.over(clock),)), np.zeros(Exponential.parameters))]
+        found = []
+        for k, (kind, _) in enumerate(self.terms):
+            terms, own = list(self.terms), self.split(np.array(theta))
+            terms[k] = kind.over(clock)
+            size, memory, *shape = own[k]
+            own[k] = np.array([size, 0.0, *(x + memory for x in shape)])
+            found.append((Family(tuple(terms)), np.concatenate(own)))
+        return found
 
     def split(self, theta: Float[np.ndarray, "*g q"]) -> list[Float[np.ndarray, "*g p"]]:
         """The parameters of every part of the family."""

@@ -257,8 +257,14 @@ def innovations_of(
     clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], column: np.ndarray, noise: Noise
 ) -> tuple[np.ndarray, float]:
     """`innovations` of one column (n,), padded to eight columns to share a compilation."""
-    white, size = _innovations(clock, weight, padded_columns(column[:, None]), noise)
+    columns = padded_columns(column[:, None])
+    white, size = _innovations(clock, weight, columns, _by_row(noise, len(columns)))
     return np.asarray(white)[:, 0], float(size)
+
+
+def _by_row(noise: Noise, rows: int) -> Noise:
+    """The noise with a scale of every row, so that one shape is compiled."""
+    return noise._replace(scale=np.broadcast_to(np.asarray(noise.scale), (rows,)))
 
 
 def whitened(
@@ -269,7 +275,7 @@ def whitened(
         size = np.broadcast_to(noise.sigma * np.asarray(noise.scale), len(columns))
         return columns * (np.asarray(weight) > 0)[:, None] / size[:, None]
     wide = FEW if columns.shape[1] <= FEW else WIDE
-    parts = []
+    noise, parts = _by_row(noise, len(columns)), []
     for begin in range(0, columns.shape[1], wide):
         part = columns[:, begin : begin + wide]
         white, _ = _innovations(clock, weight, padded_columns(part, size=wide), noise)

@@ -27,28 +27,48 @@ def products(
     scale: Float[Numbers, " *n"],
     noises: Noises,
 ) -> tuple[Float[Array, "g m m"], Float[Array, " g"]]:
-    """Products of whitened columns, and the log-determinant, for every noise of sigma 1."""
+    """Products of whitened columns, and the log-determinant, for every noise of sigma 1.
+
+    Rows after the last row of positive weight take no time.
+    """
     scale, used = jnp.broadcast_to(scale, weight.shape), weight > 0
     each = const.BLOCK if len(weight) % const.BLOCK == 0 else len(weight)
     rows = (distances(clock), used, columns / scale[:, None])
-    blocks = jax.tree.map(lambda x: x.reshape(-1, each, *x.shape[1:]), rows)
+    last = jnp.max(jnp.where(used, jnp.arange(len(weight)), -1))
 
-    def add(
-        carry: tuple[Carried, Array, Array], block: tuple[Array, Array, Array]
-    ) -> tuple[tuple[Carried, Array, Array], None]:
+    def add(k: Array, carry: tuple[Carried, Array, Array]) -> tuple[Carried, Array, Array]:
         begun, gram, log_inverse = carry
-        away, on, own = block
+        away, on, own = (jax.lax.dynamic_slice_in_dim(x, k * each, each) for x in rows)
         under = jax.vmap(lambda *noise: filtered(on, own, *noise))
         begun, (white, more) = under(noises.white, moves_of(noises.parts, away), begun)
         white = white * on[:, None]
         gram = gram + jnp.einsum("gni,gnj->gij", white, white)
-        return (begun, gram, log_inverse + jnp.sum(more, axis=1)), None
+        return begun, gram, log_inverse + jnp.sum(more, axis=1)
 
     g, m = len(noises.white), columns.shape[1]
     begun = jax.vmap(at_first_row, (0, None), axis_size=g)(noises.parts, columns)
     begun = (begun, jnp.zeros((g, m, m)), jnp.zeros(g))
-    (_, gram, log_inverse), _ = jax.lax.scan(add, begun, blocks)
+    _, gram, log_inverse = jax.lax.fori_loop(0, last // each + 1, add, begun)
     return gram, 2 * jnp.sum(jnp.where(used, jnp.log(scale), 0.0)) - log_inverse
+
+
+def gram_of(
+    clock: Float[Numbers, "n k"],
+    weight: Float[Numbers, " n"],
+    columns: Float[Numbers, "n m"],
+    scale: Float[Numbers, " *n"],
+    noises: Noises,
+) -> tuple[Float[np.ndarray, "g m m"], Float[np.ndarray, " g"]]:
+    """`products` as NumPy arrays; in NumPy for white noise."""
+    scale = np.broadcast_to(np.asarray(scale), np.shape(weight))  # one shape for the compiler
+    if noises.parts:
+        found = products(clock, weight, columns, scale, noises)
+        return np.asarray(found[0]), np.asarray(found[1])
+    on = np.asarray(weight) > 0
+    white = np.asarray(columns)[on] / scale[on, None]
+    g, m = len(noises.white), white.shape[1]
+    log_determinant = np.full(g, 2 * np.sum(np.log(scale[on])))
+    return np.broadcast_to(white.T @ white, (g, m, m)), log_determinant
 
 
 def restricted(
@@ -59,21 +79,8 @@ def restricted(
     noises: Noises,
 ) -> tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]:
     """Restricted log-likelihood and sigma of every noise; column 0 is the residual."""
-    found = products(clock, weight, columns, scale, noises)
-    gram, log_determinant = (np.asarray(x) for x in found)
-    return _profiled(gram, log_determinant, int(np.sum(np.asarray(weight) > 0)))
-
-
-def restricted_white(
-    weight: Float[Numbers, " n"], columns: Float[Numbers, "n m"], scale: Float[Numbers, " *n"]
-) -> tuple[float, float]:
-    """Restricted log-likelihood and sigma of white noise; column 0 is the residual."""
-    on = np.asarray(weight) > 0
-    scale = np.broadcast_to(np.asarray(scale), on.shape)[on]
-    white = np.asarray(columns)[on] / scale[:, None]
-    log_determinant = 2 * np.sum(np.log(scale))
-    value, sigma = _profiled((white.T @ white)[None], log_determinant[None], len(scale))
-    return float(value[0]), float(sigma[0])
+    found = gram_of(clock, weight, columns, scale, noises)
+    return _profiled(*found, int(np.sum(np.asarray(weight) > 0)))
 
 
 def _profiled(

@@ -20,11 +20,12 @@ from jaxtyping import ArrayLike, Float
 
 from ...threads import side_by_side
 from ..padding import Numbers, counted_rows, padded_columns
+from ..thresholds import FEW
 from . import thresholds as const
 from .autocorrelation import autocorrelation
 from .estimate import noise_estimate
 from .families import Family, inside, noises_at
-from .likelihood import restricted, restricted_white
+from .likelihood import restricted
 from .model import Noise, Noises, white_of
 from .parts import KINDS, AbstractPart, Exponential, Limits, Resonator
 
@@ -75,20 +76,14 @@ class NoiseRows(NamedTuple):
     def _passes(self, noises: Noises) -> Iterator[Noises]:
         """The noises of every pass. Passes have one of two sizes and the last is padded, so that
         few shapes are compiled."""
-        count, alone = len(noises.white), self.columns.shape[1] == 1
-        # more noises than a Newton step evaluates
-        many = alone and count > const.ALONE // 3
-        size = const.ALONE if many else const.TOGETHER
+        count = len(noises.white)
+        size = const.TOGETHER if self.columns.shape[1] > 1 else const.ALONE
         for begin in range(0, count, size):
             at = np.minimum(np.arange(begin, begin + size), count - 1)
             yield jax.tree.map(lambda x, at=at: x[at], noises)
 
     def _values(self, noises: Noises) -> Values:
-        if noises.parts:
-            both = restricted(self.clock, self.weight, self.columns, self.scale, noises)
-        else:
-            both = restricted_white(self.weight, self.columns, self.scale)
-        value, sigma = (np.broadcast_to(x, noises.white.shape) for x in both)
+        value, sigma = restricted(self.clock, self.weight, self.columns, self.scale, noises)
         return value + sum(one._values(noises)[0] for one in self.others), sigma
 
     def found(self, family: Family, theta: np.ndarray, value: float, sigma: float) -> "Found":
@@ -149,7 +144,8 @@ def noise_rows(
     clock = clock[:, None] if clock.ndim == 1 else clock
     every = np.ones(()) if scale is None else np.asarray(scale)
     moves = np.any(jacobian[weight > 0] != 0, axis=0)
-    columns = np.column_stack([np.asarray(residual), padded_columns(jacobian[:, moves])])
+    moved = padded_columns(jacobian[:, moves]) if moves.any() else np.zeros((len(weight), FEW))
+    columns = np.column_stack([np.asarray(residual), moved])
     rows, limits = int(np.sum(weight > 0)), limits_of(clock, weight, longest)
     return NoiseRows(*counted_rows(clock, weight, columns, every), limits, rows, every)
 
