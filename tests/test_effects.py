@@ -205,6 +205,19 @@ def multiplied(id, factor):
     return {n: min(factor * v, 4.0) if n == "d" else factor * v for n, v in PRESENT[id].items()}
 
 
+@pytest.mark.parametrize("c", [1.0, 200.0, 1e4, 1e8])
+def test_a_velocity_balances_a_force_however_viscous(c):
+    """c V is up to 1e4 times the direct effect: the velocity of the base alone is e^40 too fast."""
+    law = effect_of("viscous")(c=jnp.asarray(c)).embed(rig()).friction
+    V, theta = np.geomspace(1e-8, 1e-2, 25), -0.003
+    force = 0.6 + 0.01 * np.log(V / UM) + theta + c * V
+    at, state = Conditions(jnp.zeros(()), jnp.zeros(())), jnp.array([theta])
+    found = jax.vmap(lambda f: law.velocity(f, state, at))(jnp.asarray(force))
+    np.testing.assert_allclose(found, V, rtol=1e-9)
+    slope = jax.vmap(jax.grad(lambda f: law.velocity(f, state, at)))(jnp.asarray(force))
+    np.testing.assert_allclose(slope, 1 / (0.01 / V + c), rtol=1e-8)
+
+
 def test_all_effects_of_friction_are_among_those_present():
     assert set(PRESENT) == {id for id, effect in CATALOGUE.items() if effect.room == "friction"}
 

@@ -6,6 +6,8 @@ NEAR_ZERO = 1e-12
 """Lower bound on the base of a power: at 0 the power may have no derivative."""
 NEWTON_STEPS = 4
 """Newton steps from a near start: each doubles the digits, from one to all of a double."""
+MOST_NEWTON_STEPS = 60
+"""Most Newton steps from a far start, which is at most `LOG_MAX` e-folds away."""
 SHARP = 1e-12
 """Width [m/s or rad/s] of a smoothed sign that is sharp at any speed of an axis."""
 SIGN_WIDTH = 1e-3

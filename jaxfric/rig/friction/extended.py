@@ -29,7 +29,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ...quantity import quantity
-from ..thresholds import LOG_MAX, NEWTON_STEPS
+from ..thresholds import LOG_MAX, MOST_NEWTON_STEPS, NEWTON_STEPS
 from .law import AbstractInvertibleLaw, Conditions, Scalar, States
 from .rate_state import AbstractEvolution, AbstractRateState, AgeingEvolution, SlipEvolution
 
@@ -205,17 +205,26 @@ def _excess(
 def _balanced(
     law: ExtendedLaw, force: Scalar, state: States, at: Conditions, damping: Scalar | None
 ) -> Scalar:
-    """The velocity at which friction and dashpot balance `force`, by Newton's method in ln V."""
+    """The velocity at which friction and dashpot balance `force`, by Newton's method in ln V. The
+    start, without the terms that depend on velocity, may be many e-folds too fast, of which a step
+    takes back at least one.
+    """
 
     # a loop, not unrolled: the terms are traced and compiled once, at the same speed
-    def nearer(_: int, V: Scalar) -> Scalar:
+    def nearer(carry: tuple[Scalar, Scalar, Scalar]) -> tuple[Scalar, Scalar, Scalar]:
+        V, _, count = carry
         excess, slope = _by_velocity(V, law, force, state, at, damping)
         rise = slope * V
-        step = excess / jnp.where(rise == 0, jnp.inf, rise)
-        return V * jnp.exp(jnp.clip(-step, -LOG_MAX, LOG_MAX))
+        step = jnp.clip(excess / jnp.where(rise == 0, jnp.inf, rise), -LOG_MAX, LOG_MAX)
+        return V * jnp.exp(-step), jnp.abs(step), count + 1
+
+    def far(carry: tuple[Scalar, Scalar, Scalar]) -> Scalar:
+        _, step, count = carry
+        # a step doubles the digits: after half of them the next one is rounding
+        return (step > jnp.sqrt(jnp.finfo(step.dtype).eps)) & (count < MOST_NEWTON_STEPS)
 
     start = law._without_moving(force, state, at, damping)
-    return jax.lax.fori_loop(0, NEWTON_STEPS, nearer, start)
+    return jax.lax.while_loop(far, nearer, (start, jnp.full_like(start, jnp.inf), 0))[0]
 
 
 @_balanced.def_jvp
