@@ -359,8 +359,8 @@ def test_a_second_part_is_found_where_there_is_hardly_any_white_noise(seed):
 def test_two_oscillations_are_found(seed):
     """The likelihood is at least that of the noise that was drawn, by a dense covariance.
 
-    A search that adds parts one by one takes a decay and an oscillation: 580 too unlikely for a run
-    at 700 Hz whose noise this is.
+    A search that only adds parts takes a decay and an oscillation: 580 too unlikely for a run at
+    700 Hz whose noise this is.
     """
     n, d = 1500, np.arange(1500.0)
     rows = [(0.9, 90.0, 130.0), (0.09, 6.0, 8.7)]  # share, memory, period
@@ -375,6 +375,28 @@ def test_two_oscillations_are_found(seed):
     least = -0.5 * n * (np.log(np.mean(white**2)) + 1) - np.sum(np.log(np.diag(root)))
     found = estimate_noise(noise_rows(d, np.ones(n), residual, np.zeros((n, 0))))
     assert found.value > least - 1
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_part_finds_its_clock_and_its_kind(seed):
+    """An oscillation over the path and a decay over rows; the velocity changes once.
+
+    The likelihood is at least that of the drawn noise, by a dense covariance. A search that adds
+    parts one by one takes the path, or the time, for both: 80 too unlikely.
+    """
+    n = 2500
+    rows = np.arange(float(n))
+    path = np.cumsum(np.where(rows < n / 2, 0.2, 2.0))
+    apart, d = np.abs(rows[:, None] - rows), np.abs(path[:, None] - path) / 30
+    swing = 0.9 * np.exp(-d) * (np.cos(1.95 * d) + np.sin(1.95 * d) / 1.95)
+    root = np.linalg.cholesky(0.08 * np.exp(-apart / 9) + swing + 0.02 * np.eye(n))
+    residual = root @ np.random.default_rng(seed).standard_normal(n)
+    white = solve_triangular(root, residual, lower=True)
+    least = -0.5 * n * (np.log(np.mean(white**2)) + 1) - np.sum(np.log(np.diag(root)))
+    clock = np.column_stack([rows, path, rows])
+    longest = 0.1 * np.ptp(clock, axis=0)
+    record = noise_rows(clock, np.ones(n), residual, np.zeros((n, 0)), longest)
+    assert estimate_noise(record).value > least - 1
 
 
 def test_rows_of_weight_zero_change_no_estimate():

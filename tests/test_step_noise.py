@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from jaxfric.fitting.noise import NoiseEstimate, NoisePart, taken_out
+from jaxfric.fitting.noise import (
+    Exponential,
+    Family,
+    Limits,
+    NoiseEstimate,
+    NoisePart,
+    Resonator,
+    noises_at,
+    taken_out,
+)
 from jaxfric.fitting.noise.by_step import (
     gain_of_pace,
     likeness_of_steps,
@@ -63,6 +72,24 @@ def test_a_path_explains_that_steps_differ():
     explained = np.exp(-np.diff(path, append=path[-1]) / 10.0)
     assert gain_of_pace(likeness, explained, STEP) < 20
     assert gain_of_pace(likeness, np.full(2400, 0.7), STEP) > 100
+
+
+def test_a_part_moves_to_the_clock_of_the_pace():
+    """It starts there at the memory of a step; its size and shape stay, and so does the other."""
+    limits = Limits(np.full(3, 1e-3), np.full(3, 1e3), np.full(3, 1e-2))
+    family = Family((Exponential.over(0), Resonator.over(1)))
+    theta = np.array([0.5, 2.0, 1.0, 3.0, -2.0])
+    first, second = (noises_at(f, t[None], limits) for f, t in family.moved(theta, 2))
+    was = noises_at(family, theta[None], limits)
+    np.testing.assert_allclose(first.parts[0].rates, [[0, 0, 1]])
+    np.testing.assert_allclose(first.parts[1].rates, was.parts[1].rates)
+    np.testing.assert_allclose(second.parts[0].rates, was.parts[0].rates)
+    np.testing.assert_allclose(second.parts[1].rates, [[0, 0, 1]])
+    np.testing.assert_allclose(second.parts[1].beta, was.parts[1].beta)
+    for moved in (first, second):
+        np.testing.assert_allclose([p.share for p in moved.parts], [p.share for p in was.parts])
+    ((family, theta),) = Family().moved(np.zeros(0), 2)
+    np.testing.assert_allclose(noises_at(family, theta[None], limits).parts[0].rates, [[0, 0, 1]])
 
 
 def test_scale_is_the_size_of_every_step():

@@ -181,10 +181,13 @@ def _with_pace(
         more = own.family.parameters - found.family.parameters + steps
         return 2 * (own.value - found.value) > more * worth
 
-    for family, theta in found.family.moved(found.theta, paced.noise.clock.shape[1] - 1):
+    last = paced.noise.clock.shape[1] - 1
+    for family, theta in found.family.moved(found.theta, last):
         moved = paced.noise_of_family(train[:, 0], train[:, 1:], family, (theta,))
         if pays(moved):
             own = paced.noise_afresh(train[:, 0], train[:, 1:])
+            if all(clock != last for _, clock in own.family.terms):  # likelier without the pace
+                return engine, own
             return paced, own if pays(own) else moved
     return engine, found
 

@@ -224,7 +224,8 @@ def _balanced(
         return (step > jnp.sqrt(jnp.finfo(step.dtype).eps)) & (count < MOST_NEWTON_STEPS)
 
     start = law._without_moving(force, state, at, damping)
-    return jax.lax.while_loop(far, nearer, (start, jnp.full_like(start, jnp.inf), 0))[0]
+    begun = start, jnp.full_like(start, jnp.inf), jnp.zeros((), int)
+    return jax.lax.while_loop(far, nearer, begun)[0]
 
 
 @_balanced.def_jvp
