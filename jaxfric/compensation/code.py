@@ -114,28 +114,26 @@ def _constants(about: Identified, pieces: Sequence[Piece], fade: float, held: fl
     shapes = {}
     for piece in pieces:
         error = f" +- {piece.std:.2g}" if piece.std == piece.std else ", not determined alone"
-        rows.append((_constant(piece), piece.value, f"{piece.unit}{error}"))
-        for shape, value in piece.shapes.items():
-            full = f"{piece.name.partition('.')[0]}.{shape}"
-            loose = ", not determined by the record" if full in about.loose else ""
-            name = piece.constant(shape)
-            shapes[name] = name, value, f"{about.unit(full)}{loose}"
+        rows.append((piece.name, piece.value, f"{piece.unit}{error}"))
+        for name, value in piece.shapes.items():
+            loose = ", not determined by the record" if name in about.loose else ""
+            shapes[name] = name, value, f"{about.unit(name)}{loose}"
     return [
-        f"static const double {key} = {float(value)!r}; /* {text} */"
-        for key, value, text in (*rows, *shapes.values())
+        f"static const double {_constant(name)} = {float(value)!r}; /* {text} */"
+        for name, value, text in (*rows, *shapes.values())
     ]
 
 
-def _constant(piece: Piece) -> str:
-    """The C name of a coefficient."""
-    return re.sub(r"\W+", "_", piece.name)
+def _constant(name: str) -> str:
+    """The C name of a parameter or a coefficient."""
+    return re.sub(r"\W+", "_", name)
 
 
 def _expression(pieces: Sequence[Piece]) -> list[str]:
     """The terms of the sum, one a line."""
 
     def product(piece: Piece) -> str:
-        return f"{_constant(piece)} * {piece.code}" if piece.code else _constant(piece)
+        return f"{_constant(piece.name)} * {piece.code}" if piece.code else _constant(piece.name)
 
     outside = [product(p) for p in pieces if p.part != SIGN]
     level = [product(p) for p in pieces if p.part == SIGN]

@@ -73,11 +73,14 @@ class FadeReason(NamedTuple):
 
 
 class Fade(NamedTuple):
-    """The speed below which a compensation fades, and all reasons that were considered."""
+    """The reasons for a compensation to fade below a speed, of which the largest speed counts."""
 
-    speed: float
-    """v_f of s(v) = tanh(v/v_f) [m/s or rad/s]."""
     reasons: tuple[FadeReason, ...]
+
+    @property
+    def speed(self) -> float:
+        """v_f of s(v) = tanh(v/v_f) [m/s or rad/s]."""
+        return self._deciding().speed
 
     @property
     def decided_by(self) -> str:
@@ -152,5 +155,4 @@ def fade_speed(
     if lag:
         told = f"the axis reverses {lag:.3g} s after its reference; "
         reasons.append(FadeReason("lag", alpha * lag, told + rest))
-    speeds = [one.speed for one in reasons if not math.isnan(one.speed)]
-    return Fade(max(speeds), tuple(reasons))
+    return Fade(tuple(reasons))

@@ -90,7 +90,7 @@ def feedforward(
     found = _derived(about, level, turning or about.acceleration, late or _servo_lag(about))
     if given is not None:
         said = f"given; derived from the model it would be {found.speed:.3g} {unit}/s"
-        found = Fade(given, (FadeReason("given", given, said),))
+        found = Fade((FadeReason("given", given, said),))
     return _result(terms, curve, found, level)
 
 

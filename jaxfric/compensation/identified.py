@@ -4,10 +4,9 @@ A loop.json of `jaxfric axis` gives the model after the loop, its covariance and
 record. A steady.json of `jaxfric axis` gives the final curve, with the covariance of the runs.
 """
 
-import contextlib
 import dataclasses
 import math
-from collections.abc import Generator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -168,34 +167,32 @@ def identified(model: str | Path | Loop | SteadyLoop) -> Identified:
     NothingToCompensate : the model did not converge.
     """
     if isinstance(model, SteadyLoop):
-        return _of_curve(said("steady_text.to_json", model), "this curve")
-    if isinstance(model, Loop):
-        return _of_axis(model.to_json(), "this loop")
-    if not isinstance(model, str | Path):
+        content, source = said("steady_text.to_json", model), "this curve"
+    elif isinstance(model, Loop):
+        content, source = model.to_json(), "this loop"
+    elif isinstance(model, str | Path):
+        content, source = _content(Path(model)), str(Path(model))
+    else:
         raise InputError(
             "a feedforward is made of a loop.json or steady.json (its path), a Loop of an axis or a"
             f" SteadyLoop; not of a {type(model).__name__}"
         )
-    path = Path(model)
+    schema = content["schema"]
+    try:
+        return (_of_curve if schema == STEADY else _of_axis)(content, source)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        if not isinstance(error, InputError):
+            missing = isinstance(error, KeyError)
+            refuse_damage(Path(source), schema, f"{error} is missing" if missing else str(error))
+        raise
+
+
+def _content(path: Path) -> Content:
     if path.is_dir():
         found = [name for name in ("loop.json", "steady.json") if (path / name).is_file()]
         hint = f"; name the file in it, {path / found[0]}" if found else ""
         raise InputError(f"{path}: is a folder{hint or ' without a loop.json or steady.json'}")
-    _, content = read_saved(path, LOOP, STEADY)
-    return (_of_axis if content["schema"] == LOOP else _of_curve)(content, str(path))
-
-
-@contextlib.contextmanager
-def _undamaged(source: str, schema: str) -> Generator[None]:
-    """Refuse a file of which an entry is missing, or cannot be read."""
-    try:
-        yield
-    except InputError:
-        raise
-    except KeyError as error:
-        refuse_damage(Path(source), schema, f"{error} is missing")
-    except (AttributeError, TypeError, ValueError) as error:
-        refuse_damage(Path(source), schema, str(error))
+    return read_saved(path, LOOP, STEADY)[1]
 
 
 def _size(table: Content, *path: str) -> float | None:
@@ -214,11 +211,6 @@ def _size(table: Content, *path: str) -> float | None:
 
 def _of_axis(content: Content, source: str) -> Identified:
     """The model of an axis that its loop supports."""
-    with _undamaged(source, LOOP):
-        return _read_axis(content, source)
-
-
-def _read_axis(content: Content, source: str) -> Identified:
     if content["law"] != LAW:
         raise InputError(
             f"{source}: it is of a slider, not of an axis or joint; give the loop.json or"
@@ -335,11 +327,6 @@ def _middle(content: Content) -> float:
 
 def _of_curve(content: Content, source: str) -> Identified:
     """The final curve of a steady.json; the covariance is computed again from the runs."""
-    with _undamaged(source, STEADY):
-        return _read_curve(content, source)
-
-
-def _read_curve(content: Content, source: str) -> Identified:
     if content.get("withheld"):
         raise NothingToCompensate(f"{source}: {'; '.join(map(str, content['withheld']))}")
     curve, after, gains = content["curve"], content["after"], content["gains"]
@@ -393,24 +380,17 @@ def _with_load(about: Identified, load: Load) -> Identified:
     that of the middle.
     """
     told = ("a", "b") if load.effect == "gravity" else ("k", "m")
-    size, p = len(about.free), len(load.names)
-    whole = np.zeros((size + p, size + p))
-    whole[:size, :size], whole[size:, size:] = about.covariance, load.covariance
-    back = np.eye(size + p)
-    values = dict(about.values)
-    for k, name in enumerate(load.names):
-        if name in told:
-            base = "F_c" if name == "m" else "F_0"
-            values[base] -= load.values[k] * load.centre[k % load.both_ways]
-            back[about.free.index(base), size + k] = -load.centre[k % load.both_ways]
-    values |= {f"{load.effect}.{name}": 0.0 for name in told}
-    values |= {
-        f"{load.effect}.{name}": float(value)
-        for name, value in zip(load.names, load.values, strict=True)
-        if name in told
-    }
-    kept = [*range(size), *(size + k for k, name in enumerate(load.names) if name in told)]
-    free = (*about.free, *(f"{load.effect}.{name}" for name in load.names if name in told))
+    kept = [k for k, name in enumerate(load.names) if name in told]
+    values = {**about.values, **{f"{load.effect}.{name}": 0.0 for name in told}}
+    shift = np.zeros((len(about.free), len(kept)))
+    for column, k in enumerate(kept):
+        base, centre = "F_c" if load.names[k] == "m" else "F_0", load.centre[k % load.both_ways]
+        values[f"{load.effect}.{load.names[k]}"] = float(load.values[k])
+        values[base] -= load.values[k] * centre
+        shift[about.free.index(base), column] = -centre
+    own = load.covariance[np.ix_(kept, kept)]
+    both = shift @ own
+    covariance = np.block([[about.covariance + both @ shift.T, both], [both.T, own]])
     points = np.array(about.points)
     if load.effect == "gravity":  # the static map omits the weight
         points[:, 1] -= load.values[: load.both_ways] @ load.centre
@@ -418,8 +398,8 @@ def _with_load(about: Identified, load: Load) -> Identified:
         about,
         points=points,
         values=values,
-        free=free,
-        covariance=(back @ whole @ back.T)[np.ix_(kept, kept)],
+        free=(*about.free, *(f"{load.effect}.{load.names[k]}" for k in kept)),
+        covariance=covariance,
         effects=(*about.effects, load.effect),
         middle=float(load.centre[0]) if load.effect == "position_dependence" else 0.0,
         warnings=about.warnings

@@ -94,45 +94,20 @@ _LEFT_OUT: dict[str, Callable[[Identified], str]] = {
 
 
 class Piece(NamedTuple):
-    """One term: a coefficient times a factor."""
+    """One term: a coefficient times a factor, whose parameters are filled in (`Factor`)."""
 
     name: str
     value: float
     std: float
     """Standard error; 0 for a given value, nan for an undetermined one."""
     unit: str
-    factor: Factor
     shapes: dict[str, float]
-    """Parameters of the effect that are in the factor."""
-
-    @property
-    def part(self) -> str:
-        """`INERTIA`, `PLAIN` or `SIGN`."""
-        return self.factor.part
-
-    @property
-    def ripple(self) -> bool:
-        """Whether the term is a ripple or a weight, which the static map omits."""
-        return self.factor.ripple
-
-    @property
-    def text(self) -> str:
-        """The factor in plain text; "" for 1."""
-        return self.factor.text.format(**{k: f"{x:.5g}" for k, x in self.shapes.items()})
-
-    @property
-    def latex(self) -> str:
-        """The factor in LaTeX."""
-        return self.factor.latex.format(**{k: latex_number(x) for k, x in self.shapes.items()})
-
-    @property
-    def code(self) -> str:
-        """The factor in C."""
-        return self.factor.code.format(**{k: self.constant(k) for k in self.shapes})
-
-    def constant(self, shape: str) -> str:
-        """The C name of a parameter in the factor."""
-        return f"{self.name.partition('.')[0]}_{shape}"
+    """Parameters in the factor, by effect.parameter; C names have "_" for "."."""
+    part: str
+    text: str
+    latex: str
+    code: str
+    ripple: bool
 
 
 class Terms(NamedTuple):
@@ -178,10 +153,15 @@ def _piece(about: Identified, name: str) -> Piece:
     first, *other = (f"{effect}{dot}{symbol}" for symbol in symbols.split(" - "))
     weights = {first: 1.0} | dict.fromkeys(other, -1.0)
     value = sum(weight * about.values[n] for n, weight in weights.items())
-    shapes = {s: about.values[f"{effect}.{s}"] for s in re.findall(r"{(\w+)}", factor.text)}
-    if "v_c" in shapes:
-        shapes["v_c"] = max(shapes["v_c"], about.width)
-    return Piece(name, value, about.std(weights), about.unit(first), factor, shapes)
+    inside = {s: about.values[f"{effect}.{s}"] for s in re.findall(r"{(\w+)}", factor.text)}
+    if "v_c" in inside:
+        inside["v_c"] = max(inside["v_c"], about.width)
+    shapes = {f"{effect}.{s}": x for s, x in inside.items()}
+    text = factor.text.format(**{s: f"{x:.5g}" for s, x in inside.items()})
+    latex = factor.latex.format(**{s: latex_number(x) for s, x in inside.items()})
+    code = factor.code.format(**{s: f"{effect}_{s}" for s in inside})
+    told = value, about.std(weights), about.unit(first), shapes
+    return Piece(name, *told, factor.part, text, latex, code, factor.ripple)
 
 
 def uses_position(pieces: Sequence[Piece], *, ripple: bool = True) -> bool:

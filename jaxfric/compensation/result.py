@@ -157,8 +157,8 @@ class Feedforward(Described, Drawable, Tabular):
             },
             "findings": self.findings,
             "middle_of_travel": about.middle,
-            "at": [here.to_json() for here in asked],
-            "at_the_slowest": self.at(self.about.slowest).to_json(),
+            "at": asked,
+            "at_the_slowest": self.at(about.slowest),
             "level": self.level,
             "of_a_measured_velocity": {
                 **entries(self, "share", "least_damping"),

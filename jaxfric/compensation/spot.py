@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import option
-from ..plain import entries
 from ..units import decimals, parse_values
 from .curve import FrictionCurve
 
@@ -61,11 +60,6 @@ class FrictionAt(NamedTuple):
         """The compensation in both directions in words."""
         there, back = (f"{force:+.4g}" for force in self.compensation)
         return f"{there} {unit} forwards and {back} {unit} backwards"
-
-    def to_json(self) -> dict:
-        """An entry of `feedforward.json`."""
-        same = ("speed", "forwards", "backwards", "mean", "sign", "compensation", "supported")
-        return entries(self, *same)
 
 
 def speeds(text: str, length: str) -> list[float]:
