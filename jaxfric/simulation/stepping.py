@@ -26,7 +26,7 @@ from jax.ad_checkpoint import checkpoint_name
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from .blocks import renewed
+from .blocks import in_blocks
 from .explicit import explicit_step
 from .ode import SliderEquation, Unknowns
 from .rodas import quartic, rodas_step
@@ -412,7 +412,7 @@ def _between(knots: Knots, ts: Float[Array, " n"], inside: Bool[Array, " n"], ys
         share = (t - t0) / jnp.where(t1 > t0, t1 - t0, 1.0)
         return jax.tree.map(lambda y0, y1, k: quartic(share, y0, y1, k), y0, y1, k)
 
-    return renewed(at, inside, ys, ts, rows)
+    return jax.vmap(_choose)(inside, in_blocks(at, ts, rows), ys)
 
 
 def until(ts: Float[Array, " n"], end: Float[Array, ""]) -> Float[Array, " n"]:
