@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 import jaxfric as jf
 from jaxfric.gains.ends import ENDS, Track, classify, settles
 from jaxfric.gains.scenarios import Scenarios
-from jaxfric.gains.settle import Policy, end_state
+from jaxfric.gains.settle import Policy, end_and_share
 from jaxfric.gains.verify import STARTS, jump_sizes, standard_starts, verify
 from jaxfric.simulation import jump_start, rest_start, step_start
 from jaxfric.stability.margins import poles
@@ -204,7 +204,7 @@ def with_mass(kind):
         rig = rig_of(kind, k, m, c, regularised=True)
         start = jump_start(rig, V0, jump)
         policy = Policy(rtol=1e-7, max_steps=16384)
-        return end_state(rig, V0, start, horizon=44 * PERIOD, policy=policy)
+        return end_and_share(rig, V0, start, horizon=44 * PERIOD, policy=policy)[0]
 
     batch = [(*s, j) for s, j in zip([*sliders, CYCLE], [*jumps, 5 * UM], strict=True)]
     return sliders, ends(*jnp.asarray(batch).T)
@@ -288,7 +288,7 @@ def test_standard_starts():
 def test_a_light_slider_does_not_sit_on_its_unstable_motion():
     rig = rig_of("slip", 0.5 * K_MASSLESS, 1e-4)
     starts = jax.tree.map(lambda *x: jnp.stack(x), *standard_starts(rig, jnp.asarray(V0)))
-    ends = jax.vmap(lambda start: end_state(rig, V0, start, horizon=30 * PERIOD))(starts)
+    ends = jax.vmap(lambda start: end_and_share(rig, V0, start, horizon=30 * PERIOD)[0])(starts)
     assert each(ends, ENDS.limit_cycle).all()
 
 
@@ -300,7 +300,7 @@ def test_stick_slip_disappears_with_stiffness_and_with_damping():
 
     def end(k_p, k_v):
         here = jf.Rig(jf.Inertial(1e2, k_p, k_v), rig.friction)
-        return end_state(here, V0, rest_start(here, V0), horizon=40 * PERIOD)
+        return end_and_share(here, V0, rest_start(here, V0), horizon=40 * PERIOD)[0]
 
     ends = jax.jit(jax.vmap(jax.vmap(end, (None, 0)), (0, None)))(k_p, k_v)
     steady = each(ends, ENDS.steady)
@@ -312,7 +312,9 @@ def settling(k_p, k_v, mass, V):
     rig = jf.Rig(jf.Inertial(mass, k_p, k_v), jf.RateState(10.0, 1.0, [3.0], [1e-3], 2e-3))
     s = np.asarray(poles(jf.linearise(rig, V)))
     horizon = 30 * 2 * np.pi / np.min(np.abs(s))
-    end = end_state(rig, V, step_start(rig, V, 1.334), horizon=horizon, decay=-np.max(s.real))
+    end, _ = end_and_share(
+        rig, V, step_start(rig, V, 1.334), horizon=horizon, decay=-np.max(s.real)
+    )
     return name_of(end.code), s
 
 
@@ -385,7 +387,7 @@ def scanned():
     @jax.vmap
     def scan(k, ratio):
         rig = rig_of("slip", k)
-        return end_state(rig, V0, step_start(rig, V0, ratio), horizon=25 * PERIOD)
+        return end_and_share(rig, V0, step_start(rig, V0, ratio), horizon=25 * PERIOD)[0]
 
     k = np.append(np.full(40, 2 * K_MASSLESS), 0.5 * K_MASSLESS)
     return scan(jnp.asarray(k), jnp.asarray(np.append(RATIOS, 2.0)))

@@ -17,7 +17,7 @@ pytest.importorskip("xarray")
 import jaxfric as jf
 from jaxfric import study
 from jaxfric.gains.ends import ENDS, EndState
-from jaxfric.gains.settle import end_state
+from jaxfric.gains.settle import end_and_share
 from jaxfric.members import ends as streaming
 from jaxfric.members import motions, run_study
 from jaxfric.members.make import make
@@ -188,7 +188,7 @@ def test_margins_in_single_precision_are_refused(name):
 
 @pytest.fixture(scope="module")
 def ends(tmp_path_factory):
-    """A study of ends, and what `end_state` says of the same members."""
+    """A study of ends, and what `end_and_share` says of the same members."""
     folder = tmp_path_factory.mktemp("ends")
     axes = """
     [simulate]
@@ -207,7 +207,7 @@ def ends(tmp_path_factory):
         s = poles(jf.linearise(rig, V0))
         horizon = 30 * jnp.maximum(2 * jnp.pi / jnp.min(jnp.abs(s)), 9.0 / (k_p * V0))
         start = jf.step_start(rig, V0, 5.0)
-        return end_state(rig, V0, start, horizon=horizon, decay=-jnp.max(s.real))
+        return end_and_share(rig, V0, start, horizon=horizon, decay=-jnp.max(s.real))[0]
 
     grid = np.meshgrid(found.k_p, found.k_v, found.V0, indexing="ij")
     columns = [jnp.asarray(x.ravel()) for x in grid]

@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..coordinate import Coordinate, unit_of
 from ..errors import InputError, option
 from ..motion import PiecewiseVelocity
-from ..records.steps import VelocitySteps
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction import AbstractDelayLaw, AbstractInvertibleLaw, AbstractStribeck
 from ..silent import silent
@@ -57,13 +57,12 @@ class Motion:
         """Select rows of a trajectory under velocity steps that begin at time 0."""
         columns = (found.time, found.recorded, found.slip, found.velocity)
         time, friction, slip, velocity = (np.asarray(x)[rows] for x in columns)
-        steps = VelocitySteps(np.asarray(motion.times), np.asarray(motion.velocities))
-        at = np.maximum(np.searchsorted(steps.times, time, side="right") - 1, 0)
+        of = motion.velocity, motion.displacement
+        command, load = (np.asarray(jax.vmap(one)(jnp.asarray(time))) for one in of)
         machine = rig.machine
         mass = float(machine.mass) if isinstance(machine, Inertial) else None
         damping = 0.0 if machine.damping is None else float(machine.damping)
         gains = mass, float(machine.stiffness), damping
-        command, load = steps.velocities[at], steps.displacement(time)
         return Motion(rig.friction, *gains, command, time, load, friction, slip, velocity)
 
 

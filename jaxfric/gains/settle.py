@@ -37,7 +37,7 @@ STANDARD = Policy()
 """The default policy."""
 
 
-def end_state(
+def end_and_share(
     rig: Rig,
     velocity: ArrayLike,
     start: InitialState | None,
@@ -45,8 +45,9 @@ def end_state(
     horizon: ArrayLike,
     decay: ArrayLike | None = None,
     policy: Policy = STANDARD,
-) -> EndState:
-    """Simulate at the commanded `velocity` [m/s] from `start` and classify the end.
+) -> tuple[EndState, Array]:
+    """Simulate at the commanded `velocity` [m/s] from `start`; return how the motion ends, and the
+    simulated share of the requested time.
 
     horizon : time to settle [s]. 20 to 50 periods 2 pi/w_cr of the linear theory suffice in the
         tests of jaxfric. A stick-slip period, 2 (f_static - f_sliding)/(K V), is often longer than
@@ -58,19 +59,6 @@ def end_state(
     The time in which the load point compensates the start's elongation is added to the horizon. The
     function works under jit and vmap, and raises no error for valid arguments.
     """
-    return end_and_share(rig, velocity, start, horizon=horizon, decay=decay, policy=policy)[0]
-
-
-def end_and_share(
-    rig: Rig,
-    velocity: ArrayLike,
-    start: InitialState | None,
-    *,
-    horizon: ArrayLike,
-    decay: ArrayLike | None = None,
-    policy: Policy = STANDARD,
-) -> tuple[EndState, Array]:
-    """Return the `end_state`, and the simulated share of the requested time."""
     V = jnp.asarray(velocity, jnp.result_type(float))
     rate = jnp.asarray(0.0 if decay is None else decay, V.dtype)
     least = jnp.asarray(horizon, V.dtype)

@@ -21,7 +21,7 @@ from ..stability.linear import linearise
 from ..stability.margins import poles
 from .ends import ENDS, EndState
 from .scenarios import Scenarios, in_tiles, law_of
-from .settle import end_state, slowest_mode
+from .settle import end_and_share, slowest_mode
 from .thresholds import CHANGE, FACTORS, JUMP_ROUNDS, PERIODS, SEED
 
 STARTS = ("faster", "slower", "spring longer", "spring shorter", "at rest")
@@ -185,7 +185,7 @@ def _ends(rigs: Rig, velocity: Array, kind: Array, log_ratio: Array, stick: Arra
         rig = regularised(rig)
         horizon = PERIODS * jnp.maximum(2 * jnp.pi / slowest_mode(s), stick)
         start = _start(rig, V, kind, jnp.exp(log_ratio))
-        return end_state(rig, V, start, horizon=horizon, decay=-jnp.max(s.real))
+        return end_and_share(rig, V, start, horizon=horizon, decay=-jnp.max(s.real))[0]
 
     return eqx.filter_vmap(one)(rigs, velocity, kind, log_ratio, stick)
 

@@ -5,8 +5,8 @@
 k_p [1/s] and k_v [V s/m] are the gains of the position loop and of the velocity loop. g_tau [N/V]
 is the gain of the drive, and h the sampling interval. The controller computes velocity as the first
 difference of a two-sample average of the encoder position. The controller of the EMPS bench does
-the same (Janot, Gautier, Brunot 2019). The solver Tsit5 of diffrax integrates the motion of the
-axis between two samples.
+the same (Janot, Gautier, Brunot 2019). Between two samples the classical Runge-Kutta method of
+order 4 integrates the motion of the axis.
 """
 
 import math

@@ -18,8 +18,7 @@ from ..coordinate import Coordinate, unit_of
 from ..errors import InputError, option
 from ..rig.friction import AbstractDelayLaw, AbstractLaw, AbstractRateState, LogarithmicEffect
 from ..rig.friction.law import Conditions
-from .delay_roots import rightmost_roots
-from .kernel import AbstractKernel, DelayKernel, kernel_total
+from .kernel import DelayKernel, kernel_total
 from .linear import (
     LinearFriction,
     LinearSlider,
@@ -87,22 +86,19 @@ def steady_points(law: Law, velocities: Float[ArrayLike, " n"]) -> SteadyPoint:
 
 
 def needed_damping(friction: LinearFriction) -> Float[Array, ""]:
-    """Least k_v >= 0 [force s/m] at which every stiffness is stable: (19) has no solution."""
-    return jnp.maximum(_largest_memory(friction.kernel) - friction.slope, 0.0)
+    """Least k_v >= 0 [force s/m] at which every stiffness is stable: (19) has no solution.
 
-
-def _largest_memory(kernel: AbstractKernel) -> Float[Array, ""]:
-    """max over w >= 0 of Re G(i w), above which f_v + k_v leaves (19) without a solution.
-
-    Evaluated on a grid of frequencies; exact for monotonically decaying kernels, where it is G(0).
+    It is max over w >= 0 of Re G(i w), less f_v, on a grid of frequencies; exact for monotonically
+    decaying kernels, where the maximum is G(0).
     """
+    kernel = friction.kernel
     if isinstance(kernel, DelayKernel):
-        return jnp.abs(kernel.strength)
+        return jnp.maximum(jnp.abs(kernel.strength) - friction.slope, 0.0)
     low, high = kernel.frequencies()
     ends = jnp.log(low / BEYOND_MEMORY), jnp.log(high * BEYOND_MEMORY)
-    grid = jnp.exp(jnp.linspace(*ends, FREQUENCIES))
-    values = jax.vmap(lambda w: kernel.transform(1j * w).real)(grid)
-    return jnp.maximum(jnp.maximum(jnp.max(values), kernel_total(kernel)), 0.0)
+    grid = jnp.append(jnp.exp(jnp.linspace(*ends, FREQUENCIES)), 0.0)
+    memory = jax.vmap(lambda w: kernel.transform(1j * w).real)(grid)
+    return jnp.maximum(jnp.maximum(jnp.max(memory), 0.0) - friction.slope, 0.0)
 
 
 @eqx.filter_jit
@@ -157,13 +153,7 @@ def root_locus(
     With a controller delay `late` [s], Pade's approximant replaces the delay."""
 
     def one(k_p: Float[Array, ""]):
-        slider = _slider(friction, mass, k_p, damping, late, k_i)
-        kernel = friction.kernel
-        if not isinstance(kernel, DelayKernel):
-            return poles(slider)
-        gains = (k_p + friction.trend, damping + friction.slope)
-        strength, delay = kernel.strength, kernel.delay
-        return rightmost_roots(slider.inertia(), *gains, strength, delay, number=DELAY_POLES)
+        return poles(_slider(friction, mass, k_p, damping, late, k_i), number=DELAY_POLES)
 
     return jax.vmap(one)(jnp.asarray(stiffness))
 

@@ -155,10 +155,6 @@ def _newton(slider: _Slider, s: Array):
     return s
 
 
-def _take(rows: Array, index: Array):
-    return jnp.take_along_axis(rows, index[None], axis=0)[0]
-
-
 def _search(slider: _Slider, number: int):
     """The `number` rightmost roots, conjugates listed one after the other."""
     unit = _time_unit(slider)
@@ -174,7 +170,8 @@ def _search(slider: _Slider, number: int):
     size = jnp.abs(root) * (jnp.abs(root) + jnp.abs(scaled.k_v)) + jnp.abs(scaled.k_p)
     found = jnp.abs(_residual(scaled, root)[0]) <= 1e-3 * size
     best = jnp.argmin(jnp.where(found, jnp.abs(root - guess), jnp.inf), axis=0)
-    root = jnp.where(jnp.any(found, axis=0), _take(root, best), guess[2])
+    best = jnp.take_along_axis(root, best[None], axis=0)[0]
+    root = jnp.where(jnp.any(found, axis=0), best, guess[2])
     root = jnp.where(rank - count > 1.5, jnp.conj(root), root)
     return jnp.where(exists, root / unit, -jnp.inf)
 

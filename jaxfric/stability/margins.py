@@ -100,8 +100,8 @@ def several(names: Iterable[str], slider: LinearSlider) -> dict[str, Float[Array
     return {name: pkgutil.resolve_name(MARGINS[name].function)(analysis) for name in asked}
 
 
-def poles(slider: LinearSlider) -> Complex[Array, " n"]:
-    """Poles of the closed loop [1/s]; for a delay law the rightmost one.
+def poles(slider: LinearSlider, *, number: int = 1) -> Complex[Array, " n"]:
+    """Poles of the closed loop [1/s]; for a delay law the `number` rightmost ones.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def poles(slider: LinearSlider) -> Complex[Array, " n"]:
     if isinstance(kernel, StateSpaceKernel):
         return poly.simple_roots(slider.polynomials()[0])
     if isinstance(kernel, DelayKernel):
-        return rightmost_roots(*_delay_slider(slider, kernel))
+        return rightmost_roots(*_delay_slider(slider, kernel), number=number)
     raise InputError(
         f"the poles of a {type(kernel).__name__} are not available; its margins of"
         " stiffness, modulus, gain, phase and delay are"
@@ -314,9 +314,7 @@ def _ends(slider: LinearSlider) -> tuple[Float[Array, " 2"], Bool[Array, " 2"]]:
     friction, zero = slider.friction, jnp.zeros(())
     heavy = slider.inertia() > 0
     last = jnp.where(heavy, 0.0, slider.damping), jnp.where(heavy, 1.0, friction.slope)
-    first = (
-        (slider.stiffness, friction.trend) if not slider.integral is not None else (zero + 1, zero)
-    )
+    first = (slider.stiffness, friction.trend) if slider.integral is None else (zero + 1, zero)
     above = jnp.stack(jnp.broadcast_arrays(first[0], last[0]))
     below = jnp.stack(jnp.broadcast_arrays(first[1], last[1]))
     some = below != 0
