@@ -30,6 +30,7 @@ FLOORS = {
     "pairs": 1,
     "findings": 0,
     "plain": 0,
+    "tables": 1,
     "schemas": 0,
     "motion": 1,
     "rig": 1,

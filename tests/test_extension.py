@@ -65,7 +65,7 @@ import jax
 from jaxfric.members.computations import COMPUTATIONS
 from jaxfric.members.sliders import sliders_of
 from jaxfric.members.spec import Computation, StudyPart
-from jaxfric.members.tables import refuse_unknown
+from jaxfric.tables import refuse_unknown
 from jaxfric.stability.analysis import steady_point
 from jaxfric.study import Output
 

@@ -321,7 +321,7 @@ def test_a_run_without_a_step(steady):
     ("options", "words"),
     [
         (["--stiffness", "3 s"], ["--stiffness", "'s' is not a unit"]),
-        (["--stiffness", "1e-3/um", "--events", "none.toml"], ["none.toml", "cannot be read"]),
+        (["--stiffness", "1e-3/um", "--events", "none.toml"], ["none.toml", "no such file"]),
         (["--stiffness", "1e-3/um", "--law", "slippery"], ["slippery"]),
         (["--stiffness", "1e-3/um", "--downsample-to", "10"], ["--downsample-to is 10"]),
     ],

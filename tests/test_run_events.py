@@ -377,13 +377,13 @@ FIT = STEP + 'fit = true\nfrom = "50 s"\nto = "200 s"\n'
     ("text", "words"),
     [
         ("event = 3", "has no events"),
-        ("[[event]]\n" + STEP + "colour = 3", r"event 1: 'colour' is not known"),
+        ("[[event]]\n" + STEP + "colour = 3", r"event 1: no key 'colour'"),
         ("[[event]]\n" + FIT + "[[event]]\nkind = 'step'", r"event 2: 'time' is missing"),
         (
             "[[event]]\n" + STEP.replace('"step"', '"jump"'),
             r"kind 'jump' is not known; there are step",
         ),
-        ("[[event]]\n" + STEP.replace('"100 s"', "100"), r"time is 100; write it with its unit"),
+        ("[[event]]\n" + STEP.replace('"100 s"', "100"), r"time: 100 has no unit; write it as '100 s'"),
         ("[[event]]\n" + STEP.replace('"100 s"', '"100 um"'), r"event 1: time"),
         ("[[event]]\n" + STEP.replace(', "30 um/s"', ""), "velocities are two"),
         ("[[event]]\n" + FIT.replace("50 s", "150 s"), "must lie between them"),
@@ -403,8 +403,8 @@ FIT = STEP + 'fit = true\nfrom = "50 s"\nto = "200 s"\n'
         ("[[event]]\n" + STEP.replace('"100 s"', '"-5 s"'), "it lasts from -5 to -5 s"),
         ("[[event]]\n" + TEETH.replace('"200 s"', '"90 s"'), "it lasts from 100 to 90 s"),
         ("[[event]]\n" + TEETH.replace('"200 s"', '"401 s"'), "it lasts from 100 to 401 s"),
-        ("[[event]]\n" + FIT.replace("true", "1"), "fit is true or false"),
-        ("[[event]]\n" + STEP + "steady = 1", "steady is true or false"),
+        ("[[event]]\n" + FIT.replace("true", "1"), "fit is 1; it is true or false"),
+        ("[[event]]\n" + STEP + "steady = 1", "steady is 1; it is true or false"),
         ("[[event]", "is no TOML"),
         ("colour = 3\n[[event]]\n" + STEP, "'colour' is not understood"),
     ],
@@ -497,7 +497,7 @@ def test_a_load_point_that_goes_to_and_fro_is_told():
 
 
 def test_decisions_that_are_not_there(tmp_path):
-    with pytest.raises(jf.InputError, match="cannot be read"):
+    with pytest.raises(jf.InputError, match="no such file"):
         read_decisions(tmp_path / "none.toml", 400.0)
 
 

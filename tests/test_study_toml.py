@@ -42,7 +42,7 @@ def refused(text: str, *words: str) -> None:
 
 BAD = {
     "no text": ("", ["compute is missing"]),
-    "no TOML": ("compute = [", ["not TOML"]),
+    "no TOML": ("compute = [", ["no TOML"]),
     "unknown verb": (GOOD.replace("margins", "margin"), ["'margin'", "did you mean 'margins'"]),
     "unknown key": (GOOD.replace("chunk", "chunks"), ["'chunks'", "did you mean 'chunk'"]),
     "chunk": (GOOD.replace("= 8", "= 0"), ["chunk is 0"]),

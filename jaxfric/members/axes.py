@@ -15,8 +15,8 @@ from ..saved.posterior_file import is_posterior, posterior_law
 from ..schemas import FIT
 from ..study import Axis, Grid, Normal, Samples, Uniform, linspace, logspace, values
 from ..study.grid import KINDS, Tabled
-from .parameters import parameter, positive, value_of
-from .tables import Table, file_of, flag, placed, refuse_unknown, table_of, whole
+from ..tables import Table, file_of, flag, placed, positive, refuse_unknown, table_of, whole
+from .parameters import parameter, value_of
 
 About = Callable[[str, str], Quantity]
 # Largest number of values of one axis, which are held in memory.

@@ -9,10 +9,10 @@ from ..errors import InputError
 from ..findings import WarningCode, warned
 from ..study import Progress, run
 from ..study.function import refuse_clashes
+from ..tables import table_of
 from .computations import COMPUTATIONS
 from .own import read_own
 from .spec import Spec, StudyPart, read_spec, refuse_outputs
-from .tables import table_of
 from .together import Together
 
 if TYPE_CHECKING:

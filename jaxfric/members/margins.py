@@ -11,9 +11,9 @@ from ..stability.margin_table import MARGINS
 from ..stability.margins import is_stable, margins
 from ..stability.theorem import apply_theorem
 from ..study import Output
+from ..tables import Table, refuse_unknown
 from .sliders import Parameters, Sliders, sliders_of
 from .spec import Spec, StudyPart
-from .tables import Table, refuse_unknown
 
 STABILITY = {
     "stable": "Steady sliding is asymptotically stable.",

@@ -26,12 +26,12 @@ from ..simulation import RESULTS, simulate, step_start
 from ..simulation.start import regularised
 from ..stability.margins import poles
 from ..study import Axis, Output
+from ..tables import Table, flag, positive, refuse_unknown, whole
 from ..threads import at_once
 from . import ends as streaming
-from .parameters import positive, rate_state, read_value
+from .parameters import rate_state, read_value
 from .sliders import Parameters, Sliders, sliders_of, streamed
 from .spec import Spec, StudyPart
-from .tables import Table, flag, refuse_unknown, whole
 
 # A motion over time stops if the slider is this much faster than commanded.
 _LEFT = 1e4

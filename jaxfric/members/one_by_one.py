@@ -27,9 +27,9 @@ from ..rig.friction import AbstractRateState
 from ..simulation import RESULTS, simulate
 from ..stability.margin_table import MARGINS
 from ..study import Output
-from .parameters import needed, number, positive, rate_state
+from ..tables import Table, number, placed, positive, refuse_unknown, whole
+from .parameters import needed, rate_state
 from .spec import Spec, StudyPart
-from .tables import Table, placed, refuse_unknown, whole
 
 GAINS_CODES = {
     "found": "Gains were found that meet the requirement.",

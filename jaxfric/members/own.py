@@ -29,11 +29,10 @@ from ..quantity import Quantity
 from ..study import Grid, Output
 from ..study.function import Function, Kind
 from ..study.local import error_text, infer_outputs, outputs_of_shapes
+from ..tables import Table, names_of, number, read_toml, refuse_unknown, table_of, whole
 from ..units import WrongDimension, is_unit
 from .axes import read_grid
-from .parameters import number
-from .spec import Spec, StudyPart, dtype_of, parsed, refuse_outputs
-from .tables import Table, names_of, refuse_unknown, table_of, whole
+from .spec import Spec, StudyPart, dtype_of, refuse_outputs
 
 # Members of a block, for a function written with JAX or in plain Python.
 _CHUNK, _CHUNK_ONE_BY_ONE = 65536, 16
@@ -66,7 +65,7 @@ def read_own(path: str | Path, reference: str) -> tuple[Spec, StudyPart]:
     InputError : no such function, a function that fails or returns no dict, or an unknown key.
     """
     path = Path(path)
-    text, content = parsed(path)
+    text, content = read_toml(path)
     refuse_unknown(content, _TOP, f"{path.name} (with {option('function')})")
     kind = _kind(content, path.name)
     units = _units(content, path.name)

@@ -1,6 +1,5 @@
 """Names, units and bounds of parameters that a study sets or varies, and the law of a member."""
 
-import math
 import re
 from collections.abc import Iterable, Mapping
 
@@ -11,7 +10,7 @@ from ..errors import InputError, did_you_mean
 from ..laws import registry
 from ..quantity import Quantity, numbered_names
 from ..rig.friction import AbstractDirectEffect, AbstractRateState, RegularisedEffect
-from ..units import parse_quantity
+from ..tables import number
 
 _KNOWN = {
     "A": Quantity("A", "N", "direct effect", lower=0.0),
@@ -59,34 +58,6 @@ def value_of(content: object, about: Quantity, where: str) -> float:
     if about.symbol == "k_v" and value == 0:
         return 0.0
     return about.check(value, where)
-
-
-def number(content: object, unit: str, where: str) -> float:
-    """Read a number in SI from a text with a unit or, if `unit` is "1", from a plain number.
-
-    Raises
-    ------
-    InputError : the text is no number with a unit, or has an unsuitable unit.
-    """
-    if isinstance(content, bool) or not isinstance(content, str | int | float):
-        raise InputError(f"{where}: {content!r} is no quantity; write it as in '3 um'")
-    if not isinstance(content, str):
-        if unit != "1":
-            raise InputError(f"{where}: {content} has no unit; write it as '{content} {unit}'")
-        if not math.isfinite(content):
-            raise InputError(f"{where}: {content} is not a finite number")
-        return float(content)
-    return parse_quantity(content, unit, where)
-
-
-def positive(table: Mapping[str, object], key: str, unit: str, where: str) -> float | None:
-    """Return a positive quantity of a table in SI, or None if the key is missing."""
-    if key not in table:
-        return None
-    found = number(table[key], unit, f"{where} {key}")
-    if not found > 0:
-        raise InputError(f"{where}: {key} is {found:g} {unit}; it must be positive")
-    return found
 
 
 def needed(states: int) -> list[str]:

@@ -25,7 +25,6 @@ ratio = 10                          # the command steps from V0/ratio to V0
 samples = 100                       # of the outputs force and velocity
 """
 
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,9 +35,19 @@ from ..rig.friction import AbstractLaw
 from ..saved import law_from_fit
 from ..study import Grid, Output
 from ..study.function import Cost, Function, Kind
+from ..tables import (
+    Table,
+    file_of,
+    names_of,
+    placed,
+    positive,
+    read_toml,
+    refuse_unknown,
+    table_of,
+    whole,
+)
 from .axes import parameters_of, posterior, read_grid
-from .parameters import LAW, needed, parameter, positive, value_of
-from .tables import Table, file_of, names_of, placed, refuse_unknown, table_of, whole
+from .parameters import LAW, needed, parameter, value_of
 
 _TOP = ("compute", "outputs", "chunk", "dtype", "rig", "axes", "samples")
 _RIG = ("law", "from", "normal_force", "A", "B", "L", "f0", "V_ref", "m", "k_p", "k_v", "V0")
@@ -121,7 +130,7 @@ def read_spec(path: str | Path, known: Mapping[str, Computation]) -> Spec:
         nearest valid entry.
     """
     path = Path(path)
-    text, content = parsed(path)
+    text, content = read_toml(path)
     where = path.name
     refuse_unknown(content, (*_TOP, *known), where)
     compute = _compute(content, where, known)
@@ -174,22 +183,6 @@ def refuse_outputs(spec: Spec, known: tuple[Output, ...]) -> None:
                 f"{spec.path.name}: no output '{name}' of {' and '.join(spec.compute)}"
                 f"{did_you_mean(name, names)}"
             )
-
-
-def parsed(path: Path) -> tuple[str, dict[str, object]]:
-    """Return text and tables of a study.toml."""
-    try:
-        text = path.read_bytes().decode("utf-8")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: is no text; a study is described in TOML") from None
-    try:
-        return text, tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: is not TOML: {error}") from None
 
 
 def _compute(content: Table, where: str, known: Mapping[str, Computation]) -> tuple[str, ...]:

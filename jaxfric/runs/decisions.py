@@ -1,11 +1,11 @@
 """Write the events of a run to a file that the user can edit, and read such a file."""
 
 import json
-import tomllib
 from pathlib import Path
 
 from ..errors import InputError
-from ..units import format_si, parse_quantity
+from ..tables import flag, number, read_toml, refuse_unknown
+from ..units import format_si
 from .events import KINDS, Event
 
 _HEAD = """\
@@ -55,12 +55,7 @@ def read_decisions(file: str | Path, end: float) -> tuple[Event, ...]:
     Raises `InputError` for a file of another form; the message names the entry and what to write.
     """
     file = Path(file)
-    try:
-        content = tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{file} is no TOML: {error}") from None
+    content = read_toml(file)[1]
     entries = content.pop("event", None)
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise InputError(f"{file} has no events: begin each with [[event]], as jaxfric run does")
@@ -71,11 +66,7 @@ def read_decisions(file: str | Path, end: float) -> tuple[Event, ...]:
 
 
 def _event(entry: dict, where: str, end: float) -> Event:
-    for name in entry:
-        if name not in _KNOWN:
-            raise InputError(
-                f"{where}: '{name}' is not known; there are {', '.join(sorted(_KNOWN))}"
-            )
+    refuse_unknown(entry, sorted(_KNOWN), where)
     for name in sorted(_NEEDED):
         if name not in entry:
             raise InputError(f"{where}: '{name}' is missing")
@@ -84,16 +75,14 @@ def _event(entry: dict, where: str, end: float) -> Event:
         raise InputError(f"{where}: kind '{kind}' is not known; there are {', '.join(KINDS)}")
     if not isinstance(speeds, list) or len(speeds) != 2:
         raise InputError(f'{where}: velocities are two, as in ["3 um/s", "30 um/s"]')
-    for name in ("fit", "steady"):
-        if not isinstance(entry.get(name, True), bool):
-            raise InputError(f"{where}: {name} is true or false, not '{entry[name]}'")
-    before, after = (_quantity(v, "m/s", f"{where}: velocities") for v in speeds)
+    fitted, steady = flag(entry, "fit", where), flag(entry, "steady", where, usual=True)
+    before, after = (number(v, "m/s", f"{where}: velocities") for v in speeds)
     read = {
-        name: _quantity(entry[name], unit, f"{where}: {name}")
+        name: number(entry[name], unit, f"{where}: {name}")
         for name, unit in _UNITS.items()
         if name in entry
     }
-    time, fitted, last = read["time"], entry.get("fit", False), end * (1 + 1e-9)
+    time, last = read["time"], end * (1 + 1e-9)
     start, stop = read.get("from", time), read.get("to", time)
     if fitted and (kind != "step" or before == after or before == 0):
         raise InputError(
@@ -121,12 +110,5 @@ def _event(entry: dict, where: str, end: float) -> Event:
         normal_stress=read.get("normal_stress"),
         why=str(entry.get("why", "")),
         fitted=fitted,
-        steady=entry.get("steady", True),
+        steady=steady,
     )
-
-
-def _quantity(text: object, unit: str, what: str) -> float:
-    """Return a quantity in `unit` from an entry, which must be text with a unit."""
-    if not isinstance(text, str):
-        raise InputError(f'{what} is {text}; write it with its unit, as in "3 {unit}"')
-    return parse_quantity(text, unit, what)

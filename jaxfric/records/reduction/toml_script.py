@@ -22,13 +22,13 @@ script makes no time, motion or friction, a column of the file with a matching h
 """
 
 import json
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from ...errors import InputError, did_you_mean, folded
+from ...tables import read_toml, refuse_unknown, table_of
 from ...units import factor, has_dimension, parse_quantity
 from ..roles import SLIDER, Role
 from ..table import Table
@@ -81,20 +81,20 @@ def run_toml(table: Table, script: Path) -> tuple[Table, tuple[Done, ...]]:
     Raises `InputError`, with the key, for a file that is not TOML, an unknown key, a value of the
     wrong type, a column or row that does not exist, and a unit of another dimension.
     """
-    spec = _loaded(script)
-    columns, rows = spec.get("columns"), spec.get("rows", {})
-    _known(script, "", spec, ("columns", "rows"))
-    if not isinstance(columns, dict) or not columns:
+    spec = read_toml(script)[1]
+    refuse_unknown(spec, ("columns", "rows"), str(script))
+    columns = table_of(spec, "columns", str(script))
+    if not columns:
         raise InputError(f"{script} makes no column; write [columns.friction] and the others")
     maker = _Maker(table)
-    for name, keys in columns.items():
-        _make(maker, script, name, _table_of(script, f"columns.{name}", keys))
+    for name in columns:
+        _make(maker, script, name, table_of(columns, name, f"{script}, columns"))
     bench = maker.bench
     kept = _understood(maker)
     for number in range(1, maker.given + 1):
         if number not in kept:
             del bench.columns[number]
-    _keep(maker, script, _table_of(script, "rows", rows))
+    _keep(maker, script, table_of(spec, "rows", str(script)))
     return bench.table(table), tuple(bench.done)
 
 
@@ -119,34 +119,10 @@ def _understood(maker: _Maker) -> set[int]:
     return set(kept)
 
 
-def _loaded(script: Path) -> dict[str, object]:
-    try:
-        return tomllib.loads(script.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{script}: there is no such file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{script} is no TOML: {error}") from None
-    except OSError as error:
-        raise InputError(f"{script} cannot be read: {error.strerror or error}") from None
-
-
-def _table_of(script: Path, where: str, value: object) -> Mapping[str, object]:
-    if not isinstance(value, dict):
-        raise InputError(f"{script}: {where} is no table of keys; write [{where}]")
-    return value
-
-
-def _known(script: Path, where: str, keys: Mapping[str, object], known: tuple[str, ...]) -> None:
-    for key in keys:
-        if key not in known:
-            at = f", {where}" if where else ""
-            raise InputError(f"{script}{at}: '{key}' is no key{did_you_mean(key, known)}")
-
-
 def _make(maker: _Maker, script: Path, name: str, keys: Mapping[str, object]) -> None:
     """Make one column from its source, then apply the other keys in their order."""
     where = f"columns.{name}"
-    _known(script, where, keys, ("from", "factor", "ratio", *_STEPS))
+    refuse_unknown(keys, ("from", "factor", "ratio", *_STEPS), f"{script}, {where}")
     if ("from" in keys) == ("ratio" in keys):
         raise InputError(f"{script}, {where}: give either `from` or `ratio`")
     bench = maker.bench
@@ -281,7 +257,7 @@ def _pairs(value: object) -> list[tuple[int, int]]:
 
 def _keep(maker: _Maker, script: Path, keys: Mapping[str, object]) -> None:
     """Leave rows out; their numbers are those of the file."""
-    _known(script, "rows", keys, _ROWS)
+    refuse_unknown(keys, _ROWS, f"{script}, rows")
     bench = maker.bench
     mask = np.ones(len(bench), bool)
     for key in (key for key in _ROWS if key in keys):

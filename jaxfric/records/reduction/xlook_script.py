@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import InputError, did_you_mean
+from ...tables import read_text
 from ..table import Table
 from . import operations as op
 from .bench import Bench, Done
@@ -74,7 +75,7 @@ def run_xlook(table: Table, script: Path) -> tuple[Table, tuple[Done, ...]]:
     be read.
     """
     bench = Bench.of(table)
-    for number, line in enumerate(_lines(script), 1):
+    for number, line in enumerate(read_text(script, "replace").splitlines(), 1):
         text = line.split("#")[0].strip()
         if not text:
             continue
@@ -90,15 +91,6 @@ def run_xlook(table: Table, script: Path) -> tuple[Table, tuple[Done, ...]]:
         if not len(bench):
             raise InputError(f"{script}, line {number}, '{text}': no row is left")
     return bench.table(table), tuple(bench.done)
-
-
-def _lines(script: Path) -> list[str]:
-    try:
-        return script.read_bytes().decode("utf-8", errors="replace").splitlines()
-    except FileNotFoundError:
-        raise InputError(f"{script}: there is no such file") from None
-    except OSError as error:
-        raise InputError(f"{script} cannot be read: {error.strerror or error}") from None
 
 
 def _carried_out(bench: Bench, command: str, words: list[str], text: str, table: Table) -> str:

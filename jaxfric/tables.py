@@ -1,14 +1,41 @@
-"""Read tables of a study.toml; refuse unknown keys and values of a wrong type."""
+"""Read a TOML file and its tables; refuse unknown keys and values of a wrong type."""
 
 import contextlib
 import hashlib
+import math
+import tomllib
 from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
 
-from ..errors import InputError, did_you_mean
+from .errors import InputError, did_you_mean
+from .units import parse_quantity
 
 Table = Mapping[str, object]
-"""A table of a study.toml; its values are checked when they are read."""
+"""A table of a TOML file; its values are checked when they are read."""
+
+
+def read_text(path: Path, errors: str = "strict") -> str:
+    """Read a text in UTF-8; `errors` as for `bytes.decode`.
+
+    Raises `InputError` for a file that does not exist, cannot be read or is no text.
+    """
+    try:
+        return path.read_bytes().decode("utf-8", errors)
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is no text: {error}") from None
+
+
+def read_toml(path: Path) -> tuple[str, dict[str, object]]:
+    """Return the text of a TOML file, and its content. Raises `InputError`, as `read_text` does."""
+    text = read_text(path)
+    try:
+        return text, tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path} is no TOML: {error}") from None
 
 
 @contextlib.contextmanager
@@ -72,4 +99,32 @@ def file_of(name: object, path: Path, where: str, files: dict[str, str]) -> Path
         files[name] = hashlib.sha256(found.read_bytes()).hexdigest()[:16]
     except OSError as error:
         raise InputError(f"{where}: {found}: {error.strerror}") from None
+    return found
+
+
+def number(content: object, unit: str, where: str) -> float:
+    """Read a number in SI from a text with a unit or, if `unit` is "1", from a plain number.
+
+    Raises
+    ------
+    InputError : the text is no number with a unit, or has an unsuitable unit.
+    """
+    if isinstance(content, bool) or not isinstance(content, str | int | float):
+        raise InputError(f"{where}: {content!r} is no quantity; write it as in '3 um'")
+    if not isinstance(content, str):
+        if unit != "1":
+            raise InputError(f"{where}: {content} has no unit; write it as '{content} {unit}'")
+        if not math.isfinite(content):
+            raise InputError(f"{where}: {content} is not a finite number")
+        return float(content)
+    return parse_quantity(content, unit, where)
+
+
+def positive(table: Table, key: str, unit: str, where: str) -> float | None:
+    """Return a positive quantity of a table in SI, or None if the key is missing."""
+    if key not in table:
+        return None
+    found = number(table[key], unit, f"{where} {key}")
+    if not found > 0:
+        raise InputError(f"{where}: {key} is {found:g} {unit}; it must be positive")
     return found
