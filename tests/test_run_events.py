@@ -383,7 +383,10 @@ FIT = STEP + 'fit = true\nfrom = "50 s"\nto = "200 s"\n'
             "[[event]]\n" + STEP.replace('"step"', '"jump"'),
             r"kind 'jump' is not known; there are step",
         ),
-        ("[[event]]\n" + STEP.replace('"100 s"', "100"), r"time: 100 has no unit; write it as '100 s'"),
+        (
+            "[[event]]\n" + STEP.replace('"100 s"', "100"),
+            r"time: 100 has no unit; write it as '100 s'",
+        ),
         ("[[event]]\n" + STEP.replace('"100 s"', '"100 um"'), r"event 1: time"),
         ("[[event]]\n" + STEP.replace(', "30 um/s"', ""), "velocities are two"),
         ("[[event]]\n" + FIT.replace("50 s", "150 s"), "must lie between them"),

@@ -7,7 +7,7 @@ delimiters at the end of lines, empty columns, decimal commas, Fortran's exponen
 
 import functools
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,9 +48,14 @@ def decode(data: bytes) -> str:
         return data.decode("latin-1")
 
 
+def lines_of(text: str) -> list[str]:
+    """Split a text at the line ends of any system."""
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
 def line_of(data: bytes, number: int) -> str:
     """Return the text of a line, counted from 1."""
-    lines = decode(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = lines_of(decode(data))
     return lines[number - 1] if 0 < number <= len(lines) else ""
 
 
@@ -72,16 +77,16 @@ def parse_text(text: str, path: str) -> Table:
     if not ended and _is_cut_off(rows, writing, len(names)):
         notes.append(f"the last line, '{rows[-1].strip()[:60]}', is cut off and left out")
         rows, numbers = rows[:-1], numbers[:-1]
-    body = _body(rows, writing, names)
-    filled = [i for i, name in enumerate(names) if name or not body.blank[:, i].all()]
+    values, malformed, blank, clocks = _body(rows, writing, names)
+    filled = [i for i, name in enumerate(names) if name or not blank[:, i].all()]
     return Table(
         names=tuple(names[i] or f"column_{i + 1}" for i in filled),
-        units=tuple("s" if i in body.clocks else units[i] for i in filled),
-        columns=tuple(np.ascontiguousarray(body.values[:, i]) for i in filled),
+        units=tuple("s" if i in clocks else units[i] for i in filled),
+        columns=tuple(np.ascontiguousarray(values[:, i]) for i in filled),
         lines=np.array(numbers, np.int64) + 1,
-        malformed=body.malformed,
-        blank=np.ascontiguousarray(body.blank[:, filled]),
-        notes=(*notes, *body.clocks.values()),
+        malformed=malformed,
+        blank=np.ascontiguousarray(blank[:, filled]),
+        notes=(*notes, *clocks.values()),
         doubt=doubt,
     )
 
@@ -163,21 +168,14 @@ def _is_cut_off(rows: list[str], writing: Writing, count: int) -> bool:
     return value == 0 and all(writing.number(end) for end in ends)
 
 
-@dataclass(frozen=True, eq=False)
-class _Body:
-    """Numbers of all rows (NaN for other cells), malformed rows and blank cells.
+def _body(
+    rows: list[str], writing: Writing, names: list[str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[int, str]]:
+    """Read rows by NumPy if all cells are numbers, else cell by cell.
 
-    `clocks`: notes on the columns of clock times.
+    Return the numbers (NaN for other cells), masks of malformed rows and of blank cells, and notes
+    on the columns of clock times.
     """
-
-    values: np.ndarray
-    malformed: np.ndarray
-    blank: np.ndarray
-    clocks: dict[int, str]
-
-
-def _body(rows: list[str], writing: Writing, names: list[str]) -> _Body:
-    """Read the numbers of rows, by NumPy if all cells are numbers, else cell by cell."""
     count, size = len(names), len(rows)
     sample = [writing.cells(row) for row in rows[:_SAMPLE]]
     ticking = [i for i in range(count) if _is_clock_column([row[i : i + 1] for row in sample])]
@@ -188,7 +186,7 @@ def _body(rows: list[str], writing: Writing, names: list[str]) -> _Body:
         except ValueError:
             values = np.empty((0, 0))
         if values.shape == (size, count):
-            return _Body(values, np.zeros(size, bool), np.zeros((size, count), bool), {})
+            return values, np.zeros(size, bool), np.zeros((size, count), bool), {}
     values, blank = np.full((size, count), np.nan), np.zeros((size, count), bool)
     malformed = np.zeros(size, bool)
     texts: dict[int, list[str]] = {i: [""] * size for i in ticking}
@@ -206,7 +204,7 @@ def _body(rows: list[str], writing: Writing, names: list[str]) -> _Body:
     clocks = {}
     for i, column in texts.items():
         values[:, i], clocks[i] = clock.seconds(column, f"column '{names[i] or i + 1}'")
-    return _Body(values, malformed, blank, clocks)
+    return values, malformed, blank, clocks
 
 
 def _is_clock_column(cells: list[list[str]]) -> bool:

@@ -1,4 +1,4 @@
-"""Noise level, resolution and runs of rows, from differences of neighbouring rows."""
+"""Noise level, resolution and runs of rows from differences of neighbours; travel from sums."""
 
 import numpy as np
 
@@ -20,3 +20,9 @@ def runs_of(mask: np.ndarray) -> np.ndarray:
     """Return first row and end (m, 2) of every run of rows in a mask (n,)."""
     padded = np.concatenate([[0], mask.astype(int), [0]])
     return np.flatnonzero(np.diff(padded)).reshape(-1, 2)
+
+
+def travelled(time: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Integrate a velocity over time by trapezoids, from 0."""
+    steps = np.diff(time) * (velocity[1:] + velocity[:-1]) / 2
+    return np.concatenate([[0.0], np.cumsum(steps)])

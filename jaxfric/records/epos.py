@@ -28,9 +28,9 @@ def is_epos(data: bytes, path: str = "") -> bool:
     delimited text.
     """
     del path
-    if not _is_key(_lines(delimited.decode(data[:2000]))[0]):
+    if not _is_key(delimited.lines_of(delimited.decode(data[:2000]))[0]):
         return False
-    lines = _lines(delimited.decode(data))
+    lines = delimited.lines_of(delimited.decode(data))
     head, body = _header(lines)
     if body == len(lines):
         return True
@@ -39,7 +39,7 @@ def is_epos(data: bytes, path: str = "") -> bool:
 
 def parse(data: bytes, path: str) -> Table:
     """Read names, units and columns of an export; line numbers count from the top of the file."""
-    lines = _lines(delimited.decode(data))
+    lines = delimited.lines_of(delimited.decode(data))
     head, body = _header(lines)
     if body + 1 >= len(lines):
         raise InputError(f"{path} ends after its header; there are no rows of numbers")
@@ -62,10 +62,6 @@ def _header(lines: list[str]) -> tuple[int, int]:
     """Return the indices of the row of names, below the block, and of the row of units."""
     head = next((i for i, s in enumerate(lines) if s.strip() and not _is_key(s)), len(lines))
     return head, next((i for i in range(head + 1, len(lines)) if lines[i].strip()), len(lines))
-
-
-def _lines(text: str) -> list[str]:
-    return text.lstrip("\ufeff").replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
 def _is_key(line: str) -> bool:

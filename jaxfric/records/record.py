@@ -11,6 +11,7 @@ from ..described import Described, Drawable, Gridded, Tabular
 from ..errors import InputError
 from ..units import between
 from . import standing_out
+from .differences import travelled
 from .roles import SLIDER
 from .rows import MIN_ROWS, FileRows, refuse_few, whole_rows
 from .sizes import refuse_sizes
@@ -176,9 +177,8 @@ class Record(Measured):
         """Displacement of the load point [m], integrated from its velocity if not recorded."""
         if self.load_point_displacement is not None:
             return self.load_point_displacement
-        v = self.load_point_velocity
-        assert v is not None
-        return np.concatenate([[0.0], np.cumsum(np.diff(self.time) * (v[1:] + v[:-1]) / 2)])
+        assert self.load_point_velocity is not None
+        return travelled(self.time, self.load_point_velocity)
 
 
 def from_arrays(
@@ -232,8 +232,9 @@ def build(
     si_units = {**ROLES, "friction": friction_unit}
     outliers = _outliers(columns, keep)
     if drop_bad:
-        keep, dropped = _without(outliers, keep, dropped)
-        outliers = {}
+        wild = np.unique(np.concatenate(list(outliers.values())))
+        keep[wild], outliers = False, {}
+        dropped |= {"far out of its neighbours": len(wild)} if len(wild) else {}
     kept = {role: frozen(values[keep]) for role, values in columns.items()}
     refuse_few(int(keep.sum()), origin.path)
     refuse_sizes(kept, si_units, units, origin.path, rows.lines[keep])
@@ -255,16 +256,6 @@ def _outliers(columns: Mapping[str, np.ndarray], keep: np.ndarray) -> dict[str, 
         if role != "load_point_velocity" or "load_point_displacement" not in columns:
             found[role] = rows[standing_out.standing_out(role, values[rows])]
     return found
-
-
-def _without(
-    outliers: Mapping[str, np.ndarray], keep: np.ndarray, dropped: dict[str, int]
-) -> tuple[np.ndarray, dict[str, int]]:
-    """Drop rows with outlier cells too; return the rows to keep, and the counts of the others."""
-    wild = np.unique(np.concatenate(list(outliers.values())))
-    keep = keep.copy()
-    keep[wild] = False
-    return keep, dropped | ({"far out of its neighbours": len(wild)} if len(wild) else {})
 
 
 def vector(values: ArrayLike, role: str) -> np.ndarray:

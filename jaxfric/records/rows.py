@@ -66,8 +66,9 @@ def whole_rows(
     finite = {role: np.abs(values) < LARGEST for role, values in columns.items()}
     bad = ~np.all(list(finite.values()), axis=0) & ~rows.malformed
     if not drop_bad:
-        _refuse_malformed(path, rows)
-        _refuse_bad(finite, bad, path, rows)
+        _refuse_rows(rows.malformed, "a wrong number of cells", path, rows)
+        role = next((role for role, good in finite.items() if not good[np.argmax(bad)]), "")
+        _refuse_rows(bad, "a cell that is no finite number", path, rows, role)
     keep = ~bad & ~rows.malformed
     time = np.where(keep, columns["time"], -np.inf)
     before = np.concatenate([[-np.inf], np.maximum.accumulate(time)[:-1]])
@@ -111,29 +112,11 @@ def refuse_few(count: int, path: str) -> None:
         raise InputError(f"{path} has {count} usable rows; {MIN_ROWS} are needed")
 
 
-def _refuse_malformed(path: str, rows: FileRows) -> None:
-    if not rows.malformed.any():
-        return
-    first = int(np.flatnonzero(rows.malformed)[0])
-    raise InputError(
-        f"{path}: {_count(rows.malformed)} with a wrong number of cells, the first in"
-        f" {rows.place(first)}; mend them, or leave them out ({option('drop-bad')})"
-    )
-
-
-def _refuse_bad(
-    finite: Mapping[str, np.ndarray], bad: np.ndarray, path: str, rows: FileRows
-) -> None:
-    """Refuse cells without a finite number."""
-    if not bad.any():
-        return
-    first = int(np.flatnonzero(bad)[0])
-    role = next(role for role, good in finite.items() if not good[first])
-    raise InputError(
-        f"{path}: {_count(bad)} with a cell that is no finite number, the first in"
-        f" {rows.place(first, role)}; mend them, or leave them out ({option('drop-bad')})"
-    )
-
-
-def _count(rows: np.ndarray) -> str:
-    return "1 row" if rows.sum() == 1 else f"{rows.sum()} rows"
+def _refuse_rows(bad: np.ndarray, what: str, path: str, rows: FileRows, role: str = "") -> None:
+    """Raise `InputError` if a mask (n,) has `bad` rows; `role` is the column of the first one."""
+    if bad.any():
+        count = "1 row" if bad.sum() == 1 else f"{bad.sum()} rows"
+        raise InputError(
+            f"{path}: {count} with {what}, the first in {rows.place(int(np.argmax(bad)), role)};"
+            f" mend them, or leave them out ({option('drop-bad')})"
+        )

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError, option
 from ..units import format_si, parse_quantity
+from .differences import travelled
 from .joints import BrokenLine, fit_broken_line
 from .record import Record
 from .sizes import SIZES
@@ -104,8 +105,8 @@ class VelocitySteps:
         """Return the displacement since time 0 [m] at times [s]."""
         at = np.asarray(time, dtype=np.float64)
         index = np.maximum(np.searchsorted(self.times, at, side="right") - 1, 0)
-        travelled = np.concatenate([[0.0], np.cumsum(np.diff(self.times) * self.velocities[:-1])])
-        return travelled[index] + (at - self.times[index]) * self.velocities[index]
+        until = np.concatenate([[0.0], np.cumsum(np.diff(self.times) * self.velocities[:-1])])
+        return until[index] + (at - self.times[index]) * self.velocities[index]
 
 
 def find_steps(
@@ -154,8 +155,7 @@ def find_steps_in_velocity(time: ArrayLike, velocity: ArrayLike) -> VelocityStep
     t, v = np.asarray(time, np.float64), np.asarray(velocity, np.float64)
     if t.ndim != 1 or t.shape != v.shape:
         raise InputError("find_steps_in_velocity needs two arrays of equal length")
-    travelled = np.concatenate([[0.0], np.cumsum(np.diff(t) * (v[1:] + v[:-1]) / 2)])
-    found = find_steps(t, travelled)
+    found = find_steps(t, travelled(t, v))
     # the time of a step is uniformly distributed between its two rows
     gap = np.diff(t)[np.clip(np.searchsorted(t - t[0], found.times) - 1, 0, len(t) - 2)]
     assert found.time_errors is not None

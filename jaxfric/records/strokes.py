@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from .axis_record import AxisRecord
+from .differences import travelled
 from .teeth import turns
 
 _LEAST_TRAVEL = 0.01
@@ -50,10 +51,8 @@ def position_of(record: AxisRecord) -> np.ndarray:
     """Return the position or, if not recorded, the integrated velocity, from 0."""
     if record.position is not None:
         return record.position
-    time, velocity = record.relative_time, record.velocity
-    assert velocity is not None
-    steps = 0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    assert record.velocity is not None
+    return travelled(record.relative_time, record.velocity)
 
 
 def find_strokes(record: AxisRecord) -> Strokes:

@@ -102,8 +102,8 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
 def _stretches(time: np.ndarray, friction: np.ndarray, least: float) -> tuple[list[Teeth], bool]:
     """Return intervals of teeth between turns of at least `least`, and whether other teeth lie on
     flanks of larger ones."""
-    found = _measured(time, friction, least)
-    usual = found.drop[found.ratio <= _STEEP]
+    *_, drop, ratio = found = _measured(time, friction, least)
+    usual = drop[ratio <= _STEEP]
     if len(usual) >= _TEETH and _SMALL * np.median(usual) > least:
         found = _measured(time, friction, _SMALL * float(np.median(usual)))
     feet, tips, ends, drop, ratio = found
@@ -148,19 +148,9 @@ def _joined(stretches: list[Teeth]) -> list[Teeth]:
     return out
 
 
-class _Turns(NamedTuple):
-    """Rows of foot, tip and end of teeth, their drops, and the ratio of the durations of drop and
-    previous rise (0: one row)."""
-
-    foot: np.ndarray
-    tip: np.ndarray
-    end: np.ndarray
-    drop: np.ndarray
-    ratio: np.ndarray
-
-
-def _measured(time: np.ndarray, friction: np.ndarray, least: float) -> _Turns:
-    """Return the teeth between turns of at least `least`."""
+def _measured(time: np.ndarray, friction: np.ndarray, least: float) -> tuple[np.ndarray, ...]:
+    """Return the teeth between turns of at least `least`: rows of foot, tip and end, the drops, and
+    the ratio of the durations of drop and previous rise (0: one row)."""
     rows = turns_from_foot(friction, least)
     ends = rows[2::2]
     feet, tips = rows[0::2][: len(ends)], rows[1::2][: len(ends)]
@@ -168,7 +158,7 @@ def _measured(time: np.ndarray, friction: np.ndarray, least: float) -> _Turns:
     fall = [_between(time, friction, a, b) for a, b in zip(tips, ends, strict=True)]
     ratio = np.array(fall) / np.array(rise)
     ratio = np.where((ends - tips == 1) & (tips - feet > 1), 0.0, ratio)
-    return _Turns(feet, tips, ends, friction[tips] - friction[ends], ratio)
+    return feet, tips, ends, friction[tips] - friction[ends], ratio
 
 
 def _between(time: np.ndarray, friction: np.ndarray, begin: int, end: int) -> float:
