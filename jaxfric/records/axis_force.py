@@ -1,7 +1,5 @@
 """Compute the motor force of an axis from a force, control signal, current or percentage."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..errors import InputError, option
@@ -14,20 +12,21 @@ _SIGNALS = {"control_signal": ("control signal", "V"), "motor_current": ("motor 
 _LENGTHS = {"linear": "m", "rotary": "rad"}
 
 
-class ToldOfDrive(NamedTuple):
-    """The user's arguments about the drive, each a text or None, as in `read_axis`."""
-
-    drive_gain: str | None = None
-    position_gain: str | None = None
-    velocity_gain: str | None = None
-    rated_torque: str | None = None
-
-
 class Forces:
-    """Convert signals, currents and percentages to motor forces, in place in `found.values`."""
+    """Convert signals, currents and percentages to motor forces, in place in `found.values`.
 
-    def __init__(self, found: Understood, told: ToldOfDrive):
-        self.found, self.told = found, told
+    The gains and the rated torque are the user's texts, or None, as in `read_axis`.
+    """
+
+    def __init__(
+        self,
+        found: Understood,
+        drive_gain: str | None,
+        gains: tuple[str | None, str | None],
+        rated_torque: str | None,
+    ):
+        self.found, self.drive_gain, self.rated_torque = found, drive_gain, rated_torque
+        self.position_gain, self.velocity_gain = gains
         self.path, self.values, self.uses = found.table.path, found.values, found.uses
         si = {role: use.si_unit for role, use in found.uses.items()}
         written = {role: use.unit for role, use in found.uses.items()}
@@ -36,7 +35,7 @@ class Forces:
 
     def from_signal(self) -> tuple[Drive | None, list[str]]:
         """Replace the control signal or current by the motor force, drive gain times signal."""
-        values, drive_gain = self.values, self.told.drive_gain
+        values, drive_gain = self.values, self.drive_gain
         signals = {role: values.pop(role) for role in _SIGNALS if role in values}
         gains = self.found.table.gains
         if "motor_force" in values:
@@ -62,7 +61,7 @@ class Forces:
 
     def controlled(self, drive: Drive | None) -> Drive | None:
         """Return the drive with the loop gains that the user gave, if any."""
-        position_gain, velocity_gain = self.told.position_gain, self.told.velocity_gain
+        position_gain, velocity_gain = self.position_gain, self.velocity_gain
         if position_gain is None and velocity_gain is None:
             return drive
         if position_gain is None or velocity_gain is None:
@@ -94,7 +93,7 @@ class Forces:
 
     def in_unit(self) -> str:
         """Return the unit of the motor force; a rated torque converts percentages to torques."""
-        rated_torque = self.told.rated_torque
+        rated_torque = self.rated_torque
         force_in_per_cent = self._unit("motor_force") == "%"
         if rated_torque is None:
             return "%" if force_in_per_cent else self.force
@@ -111,7 +110,7 @@ class Forces:
         """Convert the disturbance to a force in the unit of the motor force; return notes."""
         if "disturbance" not in self.values:
             return []
-        unit, rated_torque = self.uses["disturbance"].si_unit, self.told.rated_torque
+        unit, rated_torque = self.uses["disturbance"].si_unit, self.rated_torque
         added = self.values.pop("disturbance")
         if unit in SIGNAL_UNITS:
             added = added * self._gain("disturbance", "disturbance", unit)
@@ -134,7 +133,7 @@ class Forces:
 
     def _gain(self, role: str, what: str, unit: str) -> float:
         """Return force per `unit` of a signal: the user's drive gain, else that of the file."""
-        drive_gain, gains, force = self.told.drive_gain, self.found.table.gains, self.force
+        drive_gain, gains, force = self.drive_gain, self.found.table.gains, self.force
         if drive_gain is not None:
             si_unit = f"{force.replace(' ', '*')}/{unit}"
             return quantity_of(drive_gain, si_unit, f"drive gain of the {what}")

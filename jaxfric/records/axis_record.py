@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -65,14 +65,6 @@ class Drive:
         if self.gain is None or self.velocity_gain is None:
             return None
         return self.velocity_gain * self.gain
-
-
-class AxisKind(NamedTuple):
-    """Fields of `AxisRecord` that describe the axis and its drive."""
-
-    coordinate: str
-    force_unit: str
-    drive: Drive | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -162,18 +154,20 @@ def axis_from_arrays(
     columns = {role: vector(values, role) for role, values in given.items() if values is not None}
     forces = {role: force_unit for role in columns if role.endswith("_force")}
     units = {role: si_units(coordinate).get(role, "") for role in columns} | forces
-    kind = AxisKind(coordinate, force_unit, drive)
     rows = FileRows.of(len(columns["time"]))
-    return build(columns, kind, units, Provenance("arrays"), rows, False)
+    origin = Provenance("arrays")
+    return build(columns, units, origin, rows, False, coordinate, force_unit, drive)
 
 
 def build(
     columns: Mapping[str, np.ndarray],
-    kind: AxisKind,
     units: Mapping[str, str],
     origin: Provenance,
     rows: FileRows,
     drop_bad: bool,
+    coordinate: str,
+    force_unit: str,
+    drive: Drive | None,
 ) -> AxisRecord:
     """Check the rows, drop repeated times (and bad rows if `drop_bad`), and freeze the arrays."""
     if "position" not in columns and "velocity" not in columns:
@@ -181,21 +175,22 @@ def build(
     columns, keep, dropped = whole_rows(columns, origin.path, rows, drop_bad)
     refuse_few(int(keep.sum()), origin.path)
     columns, notes = {role: values[keep] for role, values in columns.items()}, []
-    if kind.coordinate == "rotary":
+    if coordinate == "rotary":
         columns, notes = columns_unwound(columns)
-    shown = {**si_units(kind.coordinate), "motor_force": kind.force_unit}
+    shown = {**si_units(coordinate), "motor_force": force_unit}
     refuse_sizes(columns, shown, units, origin.path, rows.lines[keep])
     columns, renewed, note = columns_renewed(columns)
     if renewed is not None:
         dropped, notes = {**dropped, REPEATED: int(keep.sum()) - len(renewed)}, [*notes, note]
         refuse_few(len(renewed), origin.path)
     kept = {role: frozen(values) for role, values in columns.items()}
-    _check_encoder(kept, kind.coordinate, origin.path)
-    _check_saturation(kept["motor_force"], kind.force_unit, origin.path)
+    _check_encoder(kept, coordinate, origin.path)
+    _check_saturation(kept["motor_force"], force_unit, origin.path)
     rows_read, dropped = origin.rows_read + len(rows.lines), {**origin.dropped, **dropped}
     notes = (*origin.notes, *notes)
     origin = replace(origin, rows_read=rows_read, dropped=dropped, notes=notes)
-    return AxisRecord(**kept, **kind._asdict(), units=dict(units), provenance=origin)  # ty: ignore[invalid-argument-type]
+    about = {"coordinate": coordinate, "force_unit": force_unit, "drive": drive}
+    return AxisRecord(**kept, **about, units=dict(units), provenance=origin)  # ty: ignore[invalid-argument-type]
 
 
 def _check_encoder(columns: Mapping[str, np.ndarray], coordinate: str, path: str) -> None:

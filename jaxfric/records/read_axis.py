@@ -10,8 +10,8 @@ import numpy as np
 
 from ..errors import InputError, option
 from ..lazy import old_arguments
-from .axis_force import Forces, ToldOfDrive
-from .axis_record import AxisKind, AxisRecord, build
+from .axis_force import Forces
+from .axis_record import AxisRecord, build
 from .columns import Found, Understood, fits, spelt, understand
 from .formats import read_table
 from .registers import with_signs
@@ -67,35 +67,23 @@ def read_axis(
     Raises `InputError` for a file that cannot be read as a record of an axis, a control signal
     without its gain, and a gain or rated torque that no column needs.
     """
-    table = read_table(path)
-    told = ToldOfDrive(drive_gain, position_gain, velocity_gain, rated_torque)
-    return _to_record(table, columns, told, "both" if flip_sign is True else flip_sign, drop_bad)
-
-
-def _to_record(
-    table: Table,
-    columns: Mapping[str, str] | None,
-    told: ToldOfDrive,
-    flip: str | Literal[False],
-    drop_bad: bool,
-) -> AxisRecord:
-    table, signs = with_signs(table)
+    table, signs = with_signs(read_table(path))
     found = understand(table, columns, AXIS, _not_needed)
-    forces = Forces(found, told)
+    forces = Forces(found, drive_gain, (position_gain, velocity_gain), rated_torque)
     with np.errstate(all="ignore"):  # a later check refuses overflows and names the row
         drive, notes = forces.from_signal()
         drive = forces.controlled(drive)
         force_unit = forces.in_unit()
         notes += forces.add_disturbance(force_unit)
-    notes += _flip(found.values, flip)
+    notes += _flip(found.values, "both" if flip_sign is True else flip_sign)
     uses = found.uses
     notes += [note for index, note in signs.items() if index in {u.column for u in uses.values()}]
     origin = replace(found.origin, notes=(*found.origin.notes, *notes))
     units = {role: uses[role].unit if role in uses else force_unit for role in found.values}
     if "disturbance" in uses:
         units["disturbance_force"] = uses["disturbance"].unit
-    kind = AxisKind(forces.coordinate, force_unit, drive)
-    record = build(found.values, kind, units, origin, found.rows, drop_bad)
+    kind = (forces.coordinate, force_unit, drive)
+    record = build(found.values, units, origin, found.rows, drop_bad, *kind)
     return replace(record, others=_other_joints(found))
 
 

@@ -11,7 +11,7 @@ Source: github.com/PennStateRockandSedimentMechanics/xlook, `cmds.c` and `event.
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -48,21 +48,11 @@ _FUNCTIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 
 
-class _Call(NamedTuple):
-    """A command's arguments, and the columns that it works on."""
-
-    bench: Bench
-    words: list[str]
-
-    def integers(self, number: int) -> list[int]:
-        """Return the first arguments as integers."""
-        return [int(_number(word, "a whole number", int)) for word in self.words[:number]]
-
-
-def _number(word: str, what: str, kind: Callable[[str], float]) -> float:
+def _argument(word: str, kind: type) -> int | float | str:
     try:
         return kind(word)
     except ValueError:
+        what = "a whole number" if kind is int else "a number"
         raise InputError(f"'{word}' is not {what}") from None
 
 
@@ -104,10 +94,10 @@ def _carried_out(bench: Bench, command: str, words: list[str], text: str, table:
     if command in ("math", "math_int", "mathint"):
         return _math(bench, text.replace(",", " ")[len(command) :].strip(), command != "math")
     if (computes := _COMMANDS.get(_ALIASES.get(command, command))) is not None:
-        count, work = computes
-        if len(words) < count:
-            raise InputError(f"it has {len(words)} arguments and needs {count}")
-        return work(_Call(bench, words))
+        kinds, work = computes
+        if len(words) < len(kinds):
+            raise InputError(f"it has {len(words)} arguments and needs {len(kinds)}")
+        return work(bench, *map(_argument, words, kinds))
     if command in _ELSEWHERE:
         raise InputError(f"it {_ELSEWHERE[command]}")
     if _SHOWS.fullmatch(command):
@@ -158,149 +148,122 @@ def _unit(word: str) -> str:
     return "" if word in (".", "no_val") else word
 
 
-def _computing(
-    arguments: str, work: Callable[..., np.ndarray]
-) -> tuple[int, Callable[[_Call], str]]:
-    """Return number of arguments and function of a command that computes a column.
+def _computing(arguments: str, work: Callable[..., np.ndarray]) -> "_Command":
+    """Return the command that computes a column.
 
     `arguments` describes the words of the command: `column`, `out`, `rows` (two words), `whole`,
-    `real`, `new` (name and unit of the result). `work` gets values of the columns in these rows,
+    `real`, and last name and unit of the result. `work` gets values of the columns in these rows,
     and the numbers, in this order.
     """
-    kinds = arguments.split()
+    kinds = arguments.replace("rows", "first last").split()
 
-    def run(call: _Call) -> str:
-        bench, words, values, out = call.bench, iter(call.words), [], 0
-        rows, name, unit = slice(0, len(bench)), "", ""
-        for kind in kinds:
-            word = next(words)
-            if kind == "new":
-                name, unit = word, _unit(next(words))
-            elif kind == "real":
-                values.append(_number(word, "a number", float))
-            else:
-                whole = int(_number(word, "a whole number", int))
-                if kind == "column":
-                    values.append(bench.column(whole).values)
-                elif kind == "out":
-                    out = whole
-                elif kind == "rows":
-                    last = int(_number(next(words), "a whole number", int))
-                    rows = bench.rows(whole, last)
-                else:
-                    values.append(whole)
-        own = (x[rows] if isinstance(x, np.ndarray) else x for x in values)
+    def run(bench: Bench, *words: Any) -> str:
+        given, values = dict(zip(kinds, words, strict=False)), []
+        rows = bench.rows(given.get("first", 0), given.get("last", -1))
+        for kind, word in zip(kinds, words, strict=False):
+            if kind == "column":
+                values.append(bench.column(word).values[rows])
+            elif kind in ("whole", "real"):
+                values.append(word)
+        name, unit = words[len(kinds) : len(kinds) + 2]
         with np.errstate(all="ignore"):
-            return bench.write(out, work(*own), rows, name=name, unit=unit)
+            return bench.write(given["out"], work(*values), rows, name=name, unit=_unit(unit))
 
-    return len(kinds) + kinds.count("rows") + kinds.count("new"), run
+    return (*(float if kind == "real" else int for kind in kinds), str, str), run
 
 
-def _summation(call: _Call) -> str:
+def _summation(bench: Bench, column: int, out: int, name: str, unit: str) -> str:
     """COL OUT NAME UNIT: s_i = s_i-1 + x_i from x_1 on; s_0 is what OUT has there, 0 if new."""
-    column, out = call.integers(2)
-    values = call.bench.column(column).values
-    before = call.bench.columns.get(out)
+    values = bench.column(column).values
+    before = bench.columns.get(out)
     start = before.values[0] if before is not None else 0.0
     total = np.cumsum(np.concatenate([[start], values[1:]]))
-    return call.bench.write(out, total, name=call.words[2], unit=_unit(call.words[3]))
+    return bench.write(out, total, name=name, unit=_unit(unit))
 
 
-def _zero(call: _Call) -> str:
+def _zero(bench: Bench, number: int, row: int) -> str:
     """COL ROW: the value of a row becomes 0."""
-    number, row = call.integers(2)
-    column, row = call.bench.column(number), call.bench.row(row)
-    values = column.values - column.values[row]
-    changed = call.bench.change(number, values)
-    return f"{column.values[row]:.6g} taken away; {changed}"
+    values = bench.column(number).values
+    taken = values[bench.row(row)]
+    return f"{taken:.6g} taken away; {bench.change(number, values - taken)}"
 
 
-def _without_jump(call: _Call) -> str:
+def _without_jump(bench: Bench, number: int, first: int, last: int, flat: str) -> str:
     """COL FIRST LAST y|n: rows from LAST on have no jump from row FIRST."""
-    number, first, last = call.integers(3)
-    column, rows = call.bench.column(number), call.bench.rows(first, last)
+    column, rows = bench.column(number), bench.rows(first, last)
     last = rows.stop - 1
     jump = column.values[last] - column.values[first]
-    values = op.without_jump(column.values, first, last, flat=call.words[3].startswith("y"))
-    changed = call.bench.change(number, values)
-    return f"a jump of {jump:.6g} taken out; {changed}"
+    values = op.without_jump(column.values, first, last, flat=flat.startswith("y"))
+    return f"a jump of {jump:.6g} taken out; {bench.change(number, values)}"
 
 
-def _offset(call: _Call) -> str:
+def _offset(bench: Bench, number: int, row: int, other: int, other_row: int) -> str:
     """COL ROW OTHER ROW: shift COL so that its ROW equals OTHER in the second ROW."""
-    number, row, other, other_row = call.integers(4)
-    column = call.bench.column(number)
-    wanted = call.bench.column(other).values[call.bench.row(other_row)]
-    moved = wanted - column.values[call.bench.row(row)]
-    return f"moved by {moved:.6g}; " + call.bench.change(number, column.values + moved)
+    values = bench.column(number).values
+    moved = bench.column(other).values[bench.row(other_row)] - values[bench.row(row)]
+    return f"moved by {moved:.6g}; {bench.change(number, values + moved)}"
 
 
-def _remove_column(call: _Call) -> str:
-    (number,) = call.integers(1)
-    column = call.bench.column(number)
-    del call.bench.columns[number]
+def _remove_column(bench: Bench, number: int) -> str:
+    column = bench.column(number)
+    del bench.columns[number]
     return f"column {number}, {column.name}, removed"
 
 
-def _remove_rows(call: _Call) -> str:
-    first, last = call.integers(2)
-    last = min(last, len(call.bench) - 1)  # as xlook does
-    mask = np.ones(len(call.bench), bool)
-    mask[call.bench.rows(first, last)] = False
-    return call.bench.keep(mask)
+def _remove_rows(bench: Bench, first: int, last: int) -> str:
+    mask = np.ones(len(bench), bool)
+    mask[bench.rows(first, min(last, len(bench) - 1))] = False  # as xlook does
+    return bench.keep(mask)
 
 
-def _order(call: _Call) -> str:
+def _order(bench: Bench, number: int, first: int, last: int) -> str:
     """COL FIRST LAST: remove rows that do not rise above all before; -COL: do not fall below."""
-    number, first, last = call.integers(3)
-    rows = call.bench.rows(first, last)
-    values = call.bench.column(abs(number)).values[rows]
-    mask = np.ones(len(call.bench), bool)
+    rows = bench.rows(first, last)
+    values = bench.column(abs(number)).values[rows]
+    mask = np.ones(len(bench), bool)
     mask[rows] = op.rising(values, falling=number < 0)
-    return call.bench.keep(mask)
+    return bench.keep(mask)
 
 
-def _despike(call: _Call) -> str:
+def _despike(bench: Bench, number: int, row: int) -> str:
     """COL ROW: the row gets the value of the row before."""
-    number, row = call.integers(2)
     if row == 0:
         raise InputError("there is no row before row 0")
-    column, row = call.bench.column(number), call.bench.row(row)
+    column, row = bench.column(number), bench.row(row)
     values = column.values.copy()
     values[row] = values[row - 1]
-    call.bench.change(number, values)
+    bench.change(number, values)
     return f"{column.values[row]:.6g} became {values[row]:.6g}"
 
 
-def _name(call: _Call) -> str:
-    (number,) = call.integers(1)
-    column = call.bench.column(number)
-    return call.bench.write(number, column.values, name=call.words[1], unit=_unit(call.words[2]))
+def _name(bench: Bench, number: int, name: str, unit: str) -> str:
+    return bench.write(number, bench.column(number).values, name=name, unit=_unit(unit))
 
 
-_COMMANDS: dict[str, tuple[int, Callable[[_Call], str]]] = {
-    **{name: _computing("column out new", work) for name, work in _FUNCTIONS.items()},
-    "power": _computing("column out real new", np.power),
-    "summation": (4, _summation),
-    "ec": _computing("column column out rows real new", op.elastically_corrected),
-    "vc": _computing("column column out rows real new", op.edge_strain),
-    "strain": _computing("column column out rows new", op.shear_strain),
-    "cgt": _computing("real real column out new", op.thinned),
-    "rgt": _computing("real column column out new", op.with_thinning),
-    "slope": _computing("column column out rows whole new", op.running_slope),
-    "smooth": _computing("column out rows whole new", op.running_mean),
-    "median_smooth": _computing("column out rows whole new", op.running_median),
-    "deriv": _computing("column column out rows new", op.derivative),
-    "zero": (2, _zero),
-    "offset_int": (4, _without_jump),
-    "offset": (4, _offset),
-    "r_col": (1, _remove_column),
-    "r_row": (2, _remove_rows),
-    "order": (3, _order),
-    "r_spike": (2, _despike),
-    "name": (3, _name),
+_Command = tuple[tuple[type, ...], Callable[..., str]]
+_COMMANDS: dict[str, _Command] = {
+    **{name: _computing("column out", work) for name, work in _FUNCTIONS.items()},
+    "power": _computing("column out real", np.power),
+    "summation": ((int, int, str, str), _summation),
+    "ec": _computing("column column out rows real", op.elastically_corrected),
+    "vc": _computing("column column out rows real", op.edge_strain),
+    "strain": _computing("column column out rows", op.shear_strain),
+    "cgt": _computing("real real column out", op.thinned),
+    "rgt": _computing("real column column out", op.with_thinning),
+    "slope": _computing("column column out rows whole", op.running_slope),
+    "smooth": _computing("column out rows whole", op.running_mean),
+    "median_smooth": _computing("column out rows whole", op.running_median),
+    "deriv": _computing("column column out rows", op.derivative),
+    "zero": ((int, int), _zero),
+    "offset_int": ((int, int, int, str), _without_jump),
+    "offset": ((int,) * 4, _offset),
+    "r_col": ((int,), _remove_column),
+    "r_row": ((int, int), _remove_rows),
+    "order": ((int,) * 3, _order),
+    "r_spike": ((int, int), _despike),
+    "name": ((int, str, str), _name),
 }
-"""Number of arguments and function of each command."""
+"""Types of the arguments, and function of each command."""
 
 _ALIASES = {"vol_cor": "vc", "cs": "strain", "calc_geometric_thinning": "cgt", "ras": "slope"}
 _ALIASES |= {"geometric_thinning": "rgt", "ms": "median_smooth", "rr": "r_row", "sort": "order"}
