@@ -33,7 +33,7 @@ from .holds import LAWS
 from .reasons import RunReason
 from .rise_fit import RiseFit, fit_rises
 from .stick_slip import Rises, find_rises
-from .table import Cell, rounded, short
+from .table import Cell, rounded, short, with_std
 from .weighted import WeightedLine, line_over_decades
 
 _STRONG = 12.0
@@ -198,8 +198,7 @@ def law_rows(found: StickSlip | None) -> list[dict[str, Cell]]:
         known = found.claimed(law)
         for name, (unit, scale) in found.units.items():
             label = f"{name} [{unit}]" if unit else name
-            value, error = known.get(name, (None, None))
-            row[label], row[f"std {label}"] = short(value, 7, scale), short(error, 4, scale)
+            row |= with_std(label, *known.get(name, (None, None)), scale)
         row["K at normal_stress [MPa]"] = rounded(fit.stress, 1e-6)
         row |= {"misfit of a drop": short(fit.misfit, 4), "chi-square": short(fit.chi2, 5)}
         out.append(row | {"freedom": fit.freedom, "result": found.doubts.get(law, "converged")})

@@ -33,7 +33,7 @@ from .fits import HowFitted
 from .left_out import SAME, joints_of, why_left_out
 from .peaks import FEWEST, peak_of
 from .reasons import RunReason
-from .table import Cell, rounded, short
+from .table import Cell, rounded, short, with_std
 from .weighted import WeightedLine, line_over_decades
 
 LAWS = ("slip", "ageing")
@@ -346,11 +346,10 @@ def rows(
             "hold time [s]": round(hold.lasts, 4),
             "velocity [um/s]": short(hold.velocity, scale=1e6),
             "normal_stress [MPa]": rounded(hold.normal_stress, 1e-6),
-            f"creep{force}": short(hold.creep, 6),
-            f"std creep{force}": None if hold.creep is None else short(hold.creep_error, 4),
-            f"healing{force}": short(hold.healing, 6),
-            f"std healing{force}": short(hold.error, 4),
         }
+        creep = None if hold.creep is None else hold.creep_error
+        row |= with_std(f"creep{force}", hold.creep, creep, digits=6)
+        row |= with_std(f"healing{force}", hold.healing, hold.error, digits=6)
         for law, found in hold.fits.items():
             for name, scale, label in (("A", 1.0, force), ("B", 1.0, force), ("L", 1e6, " [um]")):
                 own = found.parameters[name]

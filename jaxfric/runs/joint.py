@@ -217,7 +217,7 @@ def _estimate(step: StepFit, quantity: str) -> tuple[float, float] | None:
     if quantity == "A-B":
         own = fit.A_minus_B
     else:
-        own = fit.parameters["A" if quantity == "A" else _first_length(fit)]
+        own = fit.parameters[next(n for n in names_of(fit) if n[0] == quantity[-1])]
     value, std = own.value, own.std
     if not (own.determined and np.isfinite([value, std]).all()):
         return None
@@ -238,10 +238,6 @@ def rate_of(fit: Fit, *, trend: bool) -> tuple[float, float]:
     """Return A-B with its standard error, of the fit with a slip trend if there is one."""
     own = fit.A_minus_B
     return (fit.with_trend if trend else None) or (own.value, own.std)
-
-
-def _first_length(fit: Fit) -> str:
-    return next(n for n in names_of(fit) if n[0] == "L")
 
 
 def told(steps: Sequence[StepFit]) -> list[str]:

@@ -22,7 +22,6 @@ changes after a velocity step than along a ramp.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -93,12 +92,6 @@ class RampStiffness:
         return f"stiffness from {self.count} ramp{'s' * (self.count > 1)}: {number} {unit}"
 
 
-class _RampRows(NamedTuple):
-    time: np.ndarray
-    position: np.ndarray
-    force: np.ndarray
-
-
 def find_ramps(record: Record, events: Sequence[Event]) -> tuple[Ramp, ...]:
     """Find the ramps of a run, whose record must have no encoder resets.
 
@@ -144,7 +137,7 @@ def _ramp(record: Record, event: Event, rows: slice, level: float | None) -> Ram
     if not is_constant(here, 4):
         return replace(ramp, why=warned(RunReason.STRESS_VARIES))
     force = f[part] * here if of_stress and here is not None else f[part]
-    return _straight(ramp, _RampRows(t[part], x[rows][part], force))
+    return _straight(ramp, np.stack([t[part], x[rows][part], force]))
 
 
 def _first(there: np.ndarray) -> int:
@@ -152,36 +145,34 @@ def _first(there: np.ndarray) -> int:
     return int(np.argmax(there)) if there.any() else len(there)
 
 
-def _straight(ramp: Ramp, rows: _RampRows) -> Ramp:
-    """Return the slope of a ramp, or of its first part that is straight."""
+def _straight(ramp: Ramp, rows: np.ndarray) -> Ramp:
+    """Return the slope of a ramp, or of its first part that is straight; `rows` (3, n): time,
+    position and force."""
     for _ in range(_HALVINGS + 1):
-        half = len(rows.time) // 2
-        slope, error = _slope(rows)
-        count = min(max(len(rows.time) // _FEWEST, 2), _PARTS)
-        parts = zip(*(np.array_split(column, count) for column in rows), strict=True)
-        slopes, errors = np.array([_slope(_RampRows(*part)) for part in parts]).T
+        number = rows.shape[1]
+        half, (slope, error) = number // 2, _slope(rows)
+        parts = np.array_split(rows, min(max(number // _FEWEST, 2), _PARTS), axis=1)
+        slopes, errors = np.array([_slope(part) for part in parts]).T
         off = float(np.abs(slopes - slope).max())
         unsure = float(np.sqrt(np.mean(errors**2)))  # pooled: each part has few blocks
         if off < max(_ALIKE * abs(slope), _SURE * unsure):
             error = float(np.hypot(error, max(off - unsure, 0.0) / 2))
             if not slope > 0 or error > _KNOWN * slope:
                 return replace(ramp, why=warned(RunReason.NOISY))
-            start, stop = float(rows.time[0]), float(rows.time[-1])
+            start, stop = float(rows[0, 0]), float(rows[0, -1])
             return replace(ramp, start=start, stop=stop, slope=slope, error=error)
-        halves = slice(half), slice(half, None)
-        first, second = (_slope(_RampRows(*(c[part] for c in rows)))[0] for part in halves)
-        if half < 2 * _FEWEST or second > first:
+        if half < 2 * _FEWEST or _slope(rows[:, half:])[0] > _slope(rows[:, :half])[0]:
             break
-        rows = _RampRows(*(column[:half] for column in rows))
+        rows = rows[:, :half]
     return replace(ramp, why=warned(RunReason.BENT))
 
 
-def _slope(rows: _RampRows) -> tuple[float, float]:
+def _slope(rows: np.ndarray) -> tuple[float, float]:
     """Return cov(time, force)/cov(time, position), and its error from the scatter of blocks."""
-    t = rows.time - rows.time.mean()
-    moves = float(t @ (rows.position - rows.position.mean()))
-    slope = float(t @ (rows.force - rows.force.mean())) / moves
-    left = rows.force - rows.force.mean() - slope * (rows.position - rows.position.mean())
+    t, x, f = rows - rows.mean(axis=1, keepdims=True)
+    moves = float(t @ x)
+    slope = float(t @ f) / moves
+    left = f - slope * x
     blocks = min(_BLOCKS, len(t) // 4)
     sums = [float(part.sum()) for part in np.array_split(t * left, blocks)]
     return slope, float(np.sqrt(np.sum(np.square(sums)) * blocks / (blocks - 2)) / abs(moves))

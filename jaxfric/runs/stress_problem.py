@@ -124,10 +124,12 @@ def residual_and_slopes(
 ) -> tuple[Float[Array, " n"], Float[Array, "n p"]]:
     """Return the residual and its Jacobian from one solve with all tangents."""
 
-    def push(tangent: Array) -> tuple[Array, Array]:
-        return jax.jvp(problem.residual, (z,), (tangent,))
+    def both(z: Array) -> tuple[Array, Array]:
+        off = problem.residual(z)
+        return off, off
 
-    return jax.vmap(push, out_axes=(None, -1))(jnp.eye(z.shape[0], dtype=z.dtype))
+    slopes, off = jax.jacfwd(both, has_aux=True)(z)
+    return off, slopes
 
 
 @traced

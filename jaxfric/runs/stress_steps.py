@@ -30,7 +30,7 @@ from .reasons import RunReason
 from .stress_fit import StressFit, fit_stress, prior_of, stiffness_of
 from .stress_problem import StressRows
 from .stress_ramp import find_ramp
-from .table import Cell, short
+from .table import Cell, short, with_std
 
 _FEWEST = 10
 """Least number of rows before and after the change."""
@@ -245,14 +245,12 @@ def rows(found: Sequence[FittedStress]) -> list[dict[str, Cell]]:
             "velocity [um/s]": short(one.velocity, scale=1e6),
             "normal_stress before [MPa]": short(one.before, 6, 1e-6),
             "normal_stress after [MPa]": short(one.after, 6, 1e-6),
-            "alpha": short(one.alpha, 6),
-            "std alpha": short(one.error, 4),
+            **with_std("alpha", one.alpha, one.error, digits=6),
         }
         if one.fit is not None and one.alpha is not None:
             for label, scale in _SCALES.items():
                 name = label.split()[0]
-                row[label] = short(one.fit.values[name], 6, scale)
-                row[f"std {label}"] = short(one.fit.errors[name], 4, scale)
+                row |= with_std(label, one.fit.values[name], one.fit.errors[name], scale, 6)
             row["rms"] = short(one.fit.rms, 4)
         row["A, B, L known from steps"] = " ".join(map(str, one.prior))
         row["result"] = one.why or "converged"

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import typing
 from collections.abc import Mapping, Sequence
 
 from ..errors import option
@@ -63,22 +62,18 @@ def fit_cells(fit: Fit) -> dict[str, Cell]:
     row: dict[str, Cell] = {"law": fit.law}
     force = fit.record.friction_unit != "1"
     label, own = f"A-B{' [N]' if force else ''}", fit.A_minus_B
-    row[label] = short(own.value) if own.determined else None
-    row[f"std {label}"] = short(own.std, 4) if own.determined else None
+    row |= with_std(label, *_known(own))
     if own.determined and fit.with_trend:
-        value, std = fit.with_trend
-        row |= {f"{label} with slip trend": short(value)}
-        row |= {f"std {label} with slip trend": short(std, 4)}
+        row |= with_std(f"{label} with slip trend", *fit.with_trend)
     for name, estimate in fit.parameters.items():
         if name == "V0":
             continue
         kind = name.rstrip("0123456789")
         unit = _unit(kind, force)
         label = f"{name} [{unit}]" if unit else name
-        scale, known = _SCALES.get(kind, 1.0), fit.converged and estimate.determined
-        row[label] = short(scale * estimate.value) if known else None
-        if estimate.free:
-            row[f"std {label}"] = short(scale * estimate.std, 4) if known else None
+        known = _known(estimate) if fit.converged else (None, None)
+        cells = with_std(label, *known, _SCALES.get(kind, 1.0))
+        row |= cells if estimate.free else {label: cells[label]}
     row |= {"rms": short(fit.rms, 4), "noise": short(fit.noise.sigma, 4), "rows": len(fit.record)}
     row["misfit"] = short(excess(fit), 4)
     return row | {"result": fit.result, "warnings": "; ".join(fit.warnings)}
@@ -106,13 +101,16 @@ def _unit(kind: str, force: bool) -> str:
     return unit.replace("1/", "N/") if unit.startswith("1/") else unit or "N"
 
 
-@typing.overload
-def short(value: float, digits: int = 7, scale: float = 1.0) -> float: ...
-@typing.overload
-def short(value: float | None, digits: int = 7, scale: float = 1.0) -> float | None: ...
 def short(value: float | None, digits: int = 7, scale: float = 1.0) -> float | None:
     """Round `scale` times a value to `digits` significant digits; None stays."""
     return None if value is None else float(f"{scale * value:.{digits}g}")
+
+
+def with_std(
+    label: str, value: float | None, std: float | None, scale: float = 1.0, digits: int = 7
+) -> dict[str, Cell]:
+    """Return the cells of a value, with `digits`, and of its standard error, both times `scale`."""
+    return {label: short(value, digits, scale), f"std {label}": short(std, 4, scale)}
 
 
 def rounded(value: float | None, scale: float = 1.0, digits: int = 4) -> float | None:
@@ -150,8 +148,7 @@ def xlook_rows(run: RunFit) -> list[dict[str, Cell]]:
             for number in (n[1:] for n in p if n[0] == "B"):
                 name = number or "1"
                 row |= _pair(f"b{name}", p[f"B{number}"]) | _pair(f"Dc{name}", p[f"L{number}"], 1e6)
-            value, error = _known(step.fit.A_minus_B)
-            row |= {"a-b": value, "std a-b": None if error is None else short(error, 4)}
+            row |= with_std("a-b", *_known(step.fit.A_minus_B))
             trend = p.get("slip_trend")
             row |= {"lin_term": 0.0 if trend is None else _known(trend, 1e-6)[0], "wc": 0}
         out.append({k: short(v) if isinstance(v, float) else v for k, v in row.items()})
