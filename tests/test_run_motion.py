@@ -83,7 +83,7 @@ def test_a_line_that_leads_nowhere_is_taken_out():
     t = np.arange(0, 40, 0.1)
     y = moved(t, (0, 2e-6), (20, 2e-5)) + 0.5e-6 * np.random.default_rng(9).standard_normal(400)
     given = np.array([0, 150, 156, 200, 400])
-    kept = join(Sums(t, y), given, np.zeros(5, bool), 0.07)
+    kept = join(Sums(t, y), given, np.zeros(5, bool))
     assert len(kept) == 3 and kept[1] == pytest.approx(200, abs=3)
 
 

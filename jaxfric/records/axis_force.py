@@ -1,5 +1,7 @@
 """Compute the motor force of an axis from a force, control signal, current or percentage."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..errors import InputError, option
@@ -37,7 +39,7 @@ class Forces:
         """Replace the control signal or current by the motor force, drive gain times signal."""
         values, drive_gain = self.values, self.drive_gain
         signals = {role: values.pop(role) for role in _SIGNALS if role in values}
-        gains = self.found.table.gains
+        known = Drive(**self.found.table.gains)  # ty: ignore[invalid-argument-type]
         if "motor_force" in values:
             if drive_gain is not None and self._unit("disturbance") not in SIGNAL_UNITS:
                 raise InputError(
@@ -45,19 +47,14 @@ class Forces:
                     f" '{drive_gain}', or map only the signal"
                 )
             notes = [f"{role} is not used: there is a motor force" for role in signals]
-            return (self._drive(gains.get("gain")) if gains else None), notes
+            return (known if self.found.table.gains else None), notes
         by_unit = [role for role in signals if f"/{_SIGNALS[role][1]}" in (drive_gain or "")]
         role = (by_unit or list(signals))[0]
         what, unit = _SIGNALS[role]
         gain = self._gain(role, what, unit)
         values["motor_force"] = gain * signals[role]
         note = f"motor force is {gain:.7g} {self.force}/{unit} times the {what}"
-        return self._drive(gain, unit), [note]
-
-    def _drive(self, gain: float | None, signal: str = "V") -> Drive:
-        """Return a drive with the loop gains of the file."""
-        gains = self.found.table.gains
-        return Drive(gain, gains.get("position_gain"), gains.get("velocity_gain"), signal)
+        return replace(known, gain=gain, signal=unit), [note]
 
     def controlled(self, drive: Drive | None) -> Drive | None:
         """Return the drive with the loop gains that the user gave, if any."""

@@ -219,14 +219,6 @@ def _by_name(table: Table, schema: Schema, role: Role, taken: set[int]) -> int |
     return best[0] if best else None
 
 
-def _read_axis() -> str:
-    """How an axis is read."""
-    return either(
-        "--rig axis ('jaxfric inspect') or 'jaxfric axis'",
-        "jaxfric.read_axis or jaxfric.close_axis_loop",
-    )
-
-
 def _fitting(indices: list[int], units: Sequence[str | None], wanted: Iterable[str]) -> list[int]:
     """Return the columns with a unit of a wanted dimension; all of them if there are none."""
     if len(indices) < 2:
@@ -253,9 +245,13 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
             f"{table.path}: {table.doubt}; columns are numbered #1, #2, ...: say by number which is"
             f" {', '.join(missing)}, as in {option('column', f'{missing[0]}=#1 [{unit}]')}{rate}"
         )
+    axis = either(
+        "--rig axis ('jaxfric inspect') or 'jaxfric axis'",
+        "jaxfric.read_axis or jaxfric.close_axis_loop",
+    )
     lacks = f"{table.path} has no column for {' and '.join(missing)}; it has: {table.describe()}"
     if schema is SLIDER and _of_an_axis(table):
-        raise InputError(f"{lacks}. These are of a servo axis, which is read with {_read_axis()}")
+        raise InputError(f"{lacks}. These are of a servo axis, which is read with {axis}")
     machine = next((one for one in table.units if one and _MACHINE.fullmatch(spelt(one))), None)
     hint = did_you_mean(missing[0], table.names, listed=False) or ";"
     if machine is not None:
@@ -263,7 +259,7 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
         hint = f" ({machine} are machine units: give the size of one);"
     text = f"{lacks}{hint} map one, as in {option('column', f'{missing[0]}=NAME [{unit}]')}{rate}"
     if schema is SLIDER and turns:
-        text += f"; for an axis or a joint: {_read_axis()}"
+        text += f"; for an axis or a joint: {axis}"
     if "load_point_displacement" in missing:
         text += f"; if its speed is constant: {option('column', 'load_point_velocity=10 um/s')}"
     if "position" in missing:

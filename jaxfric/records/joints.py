@@ -13,7 +13,7 @@ import numpy as np
 
 from .differences import runs_of
 from .lines import Lines, Sums
-from .segments import LEAST_CHANGE, MIN_ROWS, find_lines, join, settle
+from .segments import MIN_ROWS, find_lines, join, settle
 
 _RATE, _UNEVEN, _BLOCK = 1.5, 3.0, 100
 """A new block starts where the median sampling interval changes by the factor `_RATE` and by
@@ -73,7 +73,7 @@ def fit_broken_line(
         wide[:2] = True, len(wide) == 2
     doubts = np.append(np.concatenate(doubtful), False)
     sums = Sums(time[rows], values[rows])
-    return broken_line(sums, join(sums, lines[wide], doubts[wide], LEAST_CHANGE))
+    return broken_line(sums, join(sums, lines[wide], doubts[wide]))
 
 
 def gaps(time: np.ndarray) -> np.ndarray:
@@ -96,7 +96,7 @@ def _without_gaps(time: np.ndarray, *columns: np.ndarray) -> tuple[np.ndarray, .
 
 def _joints(t: np.ndarray, y: np.ndarray, felt: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """Return the rows of a block without isolated glitches, and the first row of every line."""
-    sums, first = find_lines(t, y, LEAST_CHANGE)
+    sums, first = find_lines(t, y)
     rows = np.searchsorted(t, sums.t)
     edges = first if len(first) == 2 else _again(sums.t, y[rows], first)
     if felt is None:
@@ -108,7 +108,7 @@ def _joints(t: np.ndarray, y: np.ndarray, felt: np.ndarray | None) -> tuple[np.n
 
 def _again(t: np.ndarray, y: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Search for lines within every line; return their first rows and the number of rows."""
-    parts = [i + find_lines(t[i:j], y[i:j], LEAST_CHANGE)[1][:-1] for i, j in pairwise(first)]
+    parts = [i + find_lines(t[i:j], y[i:j])[1][:-1] for i, j in pairwise(first)]
     return np.concatenate([*parts, first[-1:]])
 
 
@@ -120,7 +120,7 @@ def _felt_joints(t: np.ndarray, y: np.ndarray, friction: np.ndarray) -> np.ndarr
         return np.array([0])
     mean = lambda x: x[: size * count].reshape(count, size).mean(axis=1)  # noqa: E731
     at, moved, felt = mean(t), mean(y), mean(friction)
-    sums, first = find_lines(at, moved, LEAST_CHANGE, height=_WEAK)
+    sums, first = find_lines(at, moved, height=_WEAK)
     edges = np.append(sums.t[first[:-1]], at[-1])
     kept = [0]
     for k in range(1, len(edges) - 1):

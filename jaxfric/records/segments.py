@@ -62,15 +62,13 @@ _PASSES = 4
 def find_lines(
     t: np.ndarray,
     y: np.ndarray,
-    least_change: float,
     passes: int = _PASSES,
     *,
     height: float = _HEIGHT,
 ) -> tuple[Sums, np.ndarray]:
     """Fit as many straight lines as the data support.
 
-    **Arguments:** `t` [s], increasing; `y` [m]; `least_change`: least change of slope at a joint,
-    divided by the larger of its two slopes; `passes`: largest number of fits, each without the
+    **Arguments:** `t` [s], increasing; `y` [m]; `passes`: largest number of fits, each without the
     isolated glitches of the previous fit; `height`: least height of a joint, divided by the
     scatter.
 
@@ -86,19 +84,19 @@ def find_lines(
     keep = ~_glitches(sums, stiff)
     if keep.all() or passes == 1:
         lines = _partition(squares, nodes, MIN_ROWS, sums.floor)
-        return sums, _weed(sums, lines, least_change, height)
-    return find_lines(t[keep], y[keep], least_change, passes - 1, height=height)
+        return sums, _weed(sums, lines, height)
+    return find_lines(t[keep], y[keep], passes - 1, height=height)
 
 
-def join(sums: Sums, rows: np.ndarray, doubtful: np.ndarray, least_change: float) -> np.ndarray:
+def join(sums: Sums, rows: np.ndarray, doubtful: np.ndarray) -> np.ndarray:
     """Remove `doubtful` joints that fail the tests, and short lines that do not deviate from a
     neighbour's line by more than scatter; return the first rows of the lines.
 
     **Arguments:** the rows' sums; the first row of every line and the number of rows, (m + 1,);
-    `doubtful` (m + 1,): joints that may be removed; `least_change` as for `find_lines`.
+    `doubtful` (m + 1,): joints that may be removed.
     """
     while doubtful[1:-1].any():
-        scores = np.where(doubtful[1:-1], _scores(sums, rows, least_change, _HEIGHT), np.inf)
+        scores = np.where(doubtful[1:-1], _scores(sums, rows, _HEIGHT), np.inf)
         worst = int(np.argmin(scores)) + 1
         if scores[worst - 1] >= 1:
             break
@@ -138,12 +136,12 @@ def _lifts(sums: Sums, rows: np.ndarray) -> np.ndarray:
     return away / (least * most)[:, None]
 
 
-def _weed(sums: Sums, rows: np.ndarray, least_change: float, height: float) -> np.ndarray:
+def _weed(sums: Sums, rows: np.ndarray, height: float) -> np.ndarray:
     """Remove the weakest joints until all remaining joints pass their tests."""
     rounds = 0
     while len(rows) > 2 and rounds < 5:
         rows = _collapse(sums, settle(sums, rows, 3))
-        scores = _scores(sums, rows, least_change, height)
+        scores = _scores(sums, rows, height)
         padded = np.concatenate([[np.inf], scores, [np.inf]])
         weakest = (scores < 1) & (scores <= padded[:-2]) & (scores < padded[2:])
         rounds += not weakest.any()
@@ -250,13 +248,13 @@ def _collapse(sums: Sums, rows: np.ndarray) -> np.ndarray:
     return np.delete(moved, chosen + 2)
 
 
-def _scores(sums: Sums, rows: np.ndarray, least_change: float, least_height: float) -> np.ndarray:
+def _scores(sums: Sums, rows: np.ndarray, least_height: float) -> np.ndarray:
     """Return the ratio by which every joint passes its weaker test; below 1 it fails.
 
     The height of a joint is its distance from the chord of its two sides,
     |v2 - v1| T1 T2 / (T1 + T2). Test 1: the height is at least `least_height` (for a brief line
     2.4 times that) times the scatter of the more scattered side. Test 2: the slope changes by at
-    least `least_change` of the larger one. Both are made with the whole sides and with the rows
+    least `LEAST_CHANGE` of the larger one. Both are made with the whole sides and with the rows
     near the joint; the larger ratio counts.
     """
     lines = sums.lines(rows[:-1], rows[1:])
@@ -266,10 +264,17 @@ def _scores(sums: Sums, rows: np.ndarray, least_change: float, least_height: flo
     brief = length < _BRIEF * np.minimum(beside[:-2], beside[2:])
     brief_height = least_height * _BRIEF_HEIGHT / _HEIGHT
     needed = np.where(brief[:-1] | brief[1:], brief_height, least_height)
-    first, end = _beside(sums.t, rows)
-    whole = _pass(sums, rows[:-2], rows[1:-1], rows[2:], needed, common, least_change)
-    near = _pass(sums, first, rows[1:-1], end, needed, common, least_change)
-    return np.maximum(whole, near)
+    t, joint, last, passed = sums.t, rows[1:-1], len(sums.t) - 1, []
+    for first, end in ((rows[:-2], rows[2:]), _beside(t, rows)):
+        before, after = sums.lines(first, joint), sums.lines(joint, end)
+        around = np.maximum(*(_scatter(side, common, sums.floor) for side in (before, after)))
+        left, right = t[joint] - t[first], t[np.minimum(end, last)] - t[joint]
+        change = np.abs(after.slope - before.slope)
+        height = change * left * right / (left + right)
+        speed = np.maximum(np.abs(before.slope + sums.trend), np.abs(after.slope + sums.trend))
+        least = LEAST_CHANGE * np.maximum(speed, 1e-300)
+        passed.append(np.minimum(height / (needed * around), change / least))
+    return np.maximum(*passed)
 
 
 def _beside(t: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -281,28 +286,6 @@ def _beside(t: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     first = np.minimum(np.searchsorted(t, edges[1:-1] - reach), rows[1:-1] - _ROWS_FOR_GLITCHES)
     end = np.maximum(np.searchsorted(t, edges[1:-1] + reach), rows[1:-1] + _ROWS_FOR_GLITCHES)
     return np.maximum(first, rows[:-2]), np.minimum(end, rows[2:])
-
-
-def _pass(
-    sums: Sums,
-    first: np.ndarray,
-    joint: np.ndarray,
-    end: np.ndarray,
-    needed: np.ndarray,
-    common: float,
-    least_change: float,
-) -> np.ndarray:
-    """Return the ratios by which joints of rows first..joint-1, joint..end-1 pass their tests."""
-    before, after = sums.lines(first, joint), sums.lines(joint, end)
-    around = np.maximum(_scatter(before, common, sums.floor), _scatter(after, common, sums.floor))
-    t, last = sums.t, len(sums.t) - 1
-    left, right = t[joint] - t[first], t[np.minimum(end, last)] - t[joint]
-    change = np.abs(after.slope - before.slope)
-    height = change * left * right / (left + right)
-    speed = np.maximum(np.abs(before.slope + sums.trend), np.abs(after.slope + sums.trend))
-    return np.minimum(
-        height / (needed * around), change / (least_change * np.maximum(speed, 1e-300))
-    )
 
 
 def _scatter(lines: Lines, common: float, floor: float) -> np.ndarray:

@@ -208,20 +208,15 @@ def _read_all(folder: Path, one: Callable[[Path], AxisRecord]) -> dict[str, Axis
             records[name] = one(path)
         except InputError as error:
             bad.append(str(error).replace(str(path), name))
-    _refuse_bad(folder, bad, len(files))
-    return records
-
-
-def _refuse_bad(folder: Path, bad: list[str], count: int) -> None:
-    """Raise one error for all unreadable files; advice common to all of them is printed once."""
     if not bad:
-        return
+        return records
+    # one error for all; advice that they have in common is printed once
     more = f"; and {len(bad) - _MOST_LISTED} more" if len(bad) > _MOST_LISTED else ""
     heads = [text.rpartition("; ") for text in bad]
     advice = heads[0][2] if len({tail for _, _, tail in heads}) == 1 else ""
     shown = [head if advice else text for text, (head, _, _) in zip(bad, heads, strict=True)]
     listed = "; ".join(shown[:_MOST_LISTED]) + more + (advice and f"; {advice}")
-    raise InputError(f"{folder}: {len(bad)} of {count} files cannot be read: {listed}")
+    raise InputError(f"{folder}: {len(bad)} of {len(files)} files cannot be read: {listed}")
 
 
 def _files(folder: Path) -> list[Path]:

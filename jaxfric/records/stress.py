@@ -6,6 +6,7 @@ Segments of the polyline steeper than a servo's drift are changes of stress. Adj
 form one change. The strokes of one move of the press, with the overshoot, form one change, too.
 """
 
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -49,14 +50,12 @@ def find_stress_changes(time: np.ndarray, stress: np.ndarray | None) -> list[Str
     changes = np.diff(values[rows])
     rates = changes / np.diff(time[rows])
     steep = (np.abs(rates) > _STEEP * scale) & (np.abs(changes) > tolerance)
+    directions = np.where(steep, np.sign(rates), 0.0).tolist()
     out: list[StressChange] = []
     k = 0
-    while k < len(rates):
-        first = k
-        while k < len(rates) and steep[k] and rates[k] * rates[first] > 0:
-            k += 1
-        if k == first:
-            k += 1
+    for direction, group in groupby(directions):
+        first, k = k, k + len(list(group))
+        if not direction:
             continue
         before, after = (float(values[rows[i]]) for i in (first, k))
         least = _LEAST * max(abs(before), abs(after), 0.05 * scale)

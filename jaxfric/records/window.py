@@ -22,45 +22,36 @@ def bounds(
     that the load point does not reach, and an end that is not after the start.
     """
     relative = time - time[0]
-    low = _seconds(relative, moved, start, option("from"), path, 0.0)
-    high = _seconds(relative, moved, stop, option("to"), path, float(relative[-1]))
+
+    def seconds(bound: float | str, name: str) -> float:
+        if not isinstance(bound, str):
+            if not np.isfinite(bound):
+                raise InputError(f"{path}: {name} is {bound}; give seconds since the first row")
+            return float(bound)
+        if not has_dimension(bound, "m"):
+            value = parse_quantity(bound, "s", f"{name} (a time such as '120 s', or '9500 um')")
+            if not 0 <= value <= relative[-1]:
+                raise InputError(
+                    f"{path}: {name} '{bound}' lies outside the record, which lasts"
+                    f" {relative[-1]:.6g} s (times count from the first row)"
+                )
+            return value
+        if moved is None:
+            raise InputError(f"{path}: {name} '{bound}': an axis goes back and forth; give a time")
+        value = parse_quantity(bound, "m", name)
+        reached = np.maximum.accumulate(np.abs(moved - moved[0]))
+        if not 0 <= value <= reached[-1]:
+            raise InputError(
+                f"{path}: {name} '{bound}' lies outside the record, whose load point moves by"
+                f" {1e6 * reached[-1]:.6g} um (from the first row)"
+            )
+        return float(relative[np.searchsorted(reached, value)])
+
+    low = 0.0 if start is None else seconds(start, option("from"))
+    high = float(relative[-1]) if stop is None else seconds(stop, option("to"))
     if not low < high:
         raise InputError(
             f"{path}: the window from {low:.6g} to {high:.6g} s is empty; the record lasts"
             f" {relative[-1]:.6g} s"
         )
     return low, high
-
-
-def _seconds(
-    relative: np.ndarray,
-    moved: np.ndarray | None,
-    bound: Bound,
-    name: str,
-    path: str,
-    default: float,
-) -> float:
-    if bound is None:
-        return default
-    if not isinstance(bound, str):
-        if not np.isfinite(bound):
-            raise InputError(f"{path}: {name} is {bound}; give seconds since the first row")
-        return float(bound)
-    if not has_dimension(bound, "m"):
-        value = parse_quantity(bound, "s", f"{name} (a time such as '120 s', or '9500 um')")
-        if not 0 <= value <= relative[-1]:
-            raise InputError(
-                f"{path}: {name} '{bound}' lies outside the record, which lasts"
-                f" {relative[-1]:.6g} s (times count from the first row)"
-            )
-        return value
-    if moved is None:
-        raise InputError(f"{path}: {name} '{bound}': an axis goes back and forth; give a time")
-    value = parse_quantity(bound, "m", name)
-    reached = np.maximum.accumulate(np.abs(moved - moved[0]))
-    if not 0 <= value <= reached[-1]:
-        raise InputError(
-            f"{path}: {name} '{bound}' lies outside the record, whose load point moves by"
-            f" {1e6 * reached[-1]:.6g} um (from the first row)"
-        )
-    return float(relative[np.searchsorted(reached, value)])

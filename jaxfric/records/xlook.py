@@ -8,7 +8,7 @@ byte order of the machine that wrote the file.
 """
 
 import struct
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,19 +19,6 @@ from .table import Table
 _HEAD, _COLUMN, _MOST_SLOTS = 36, 84, 256
 _TIME_COUNT = 1e-4
 """One count of a raw `Time` column [s]."""
-
-
-@dataclass(frozen=True)
-class _Layout:
-    """Layout of a file: slots of the header, and bytes of a number."""
-
-    slots: int
-    width: int
-
-    @property
-    def start(self) -> int:
-        """Index of the first byte of the numbers."""
-        return _HEAD + _COLUMN * self.slots
 
 
 def is_xlook(data: bytes, path: str = "") -> bool:
@@ -69,9 +56,11 @@ def parse(data: bytes, path: str) -> Table:
 def raw(data: bytes, path: str) -> Table:
     """Read names, units and columns of an xlook file exactly as written."""
     rows, count = struct.unpack(">2i", data[20:28])
-    layout = _layout(data, rows, count, path)
-    names, units = _descriptions(data, layout.slots)
-    values = _values(data, rows, count, layout)
+    slots, width = _layout(data, rows, count, path)
+    names, units = _descriptions(data, slots)
+    start = _HEAD + _COLUMN * slots
+    orders = [np.frombuffer(data, f"{order}f{width}", rows * count, start) for order in "><"]
+    values = max(orders, key=_sensible).reshape(count, rows)  # in the more plausible byte order
     return Table(
         names=tuple(names),
         units=tuple(units),
@@ -81,8 +70,8 @@ def raw(data: bytes, path: str) -> Table:
     )
 
 
-def _layout(data: bytes, rows: int, count: int, path: str) -> _Layout:
-    """Find the number of slots and the precision that match the size of the file.
+def _layout(data: bytes, rows: int, count: int, path: str) -> tuple[int, int]:
+    """Find the number of slots, and of bytes of a number, that match the size of the file.
 
     As many slots as columns must be in use, and no slot may follow where the numbers begin.
     """
@@ -91,7 +80,7 @@ def _layout(data: bytes, rows: int, count: int, path: str) -> _Layout:
         fits = not rest and count <= slots <= _MOST_SLOTS and not _counted(data, slots, rows)
         described = fits and all(_is_slot(data, slot) for slot in range(slots))
         if described and len(_descriptions(data, slots)[0]) == count:
-            return _Layout(slots, width)
+            return slots, width
     held = next((n for n in range(_MOST_SLOTS) if not _counted(data, n, rows)), _MOST_SLOTS)
     missing = _HEAD + _COLUMN * held + 4 * rows * count - len(data)
     raise InputError(
@@ -126,15 +115,6 @@ def _descriptions(data: bytes, slots: int) -> tuple[list[str], list[str | None]]
     return [_text(data, start) for start in used], [
         _text(data, start + 13) or None for start in used
     ]
-
-
-def _values(data: bytes, rows: int, count: int, layout: _Layout) -> np.ndarray:
-    """Return the data, one row per column, in the byte order with more plausible values."""
-    orders = [
-        np.frombuffer(data, f"{order}f{layout.width}", rows * count, offset=layout.start)
-        for order in "><"
-    ]
-    return max(orders, key=_sensible).reshape(count, rows)
 
 
 def _sensible(values: np.ndarray) -> float:

@@ -70,10 +70,8 @@ class Bench:
         """Return the rows `first` to `last`, inclusive, counted from 0; -1 is the last row."""
         count = len(self)
         stop = count if last in (-1, count) else last + 1
-        if first < 0:
-            raise InputError(f"row {first} is before the first, 0")
-        if stop > count:
-            raise InputError(f"row {last} is beyond the last, {count - 1}")
+        self.row(first)
+        self.row(stop - 1)
         if stop <= first:
             raise InputError(f"row {last} is before row {first}")
         return slice(first, stop)
