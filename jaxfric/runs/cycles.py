@@ -157,12 +157,10 @@ def disagreement(found: StickSlip | None, given: MachineStiffness | None) -> str
     return warned(WarningCode.TEETH, share=share, found=slope)
 
 
-def rows(found: StickSlip | None) -> list[dict[str, Cell]]:
+def rows(found: StickSlip) -> list[dict[str, Cell]]:
     """Return a row for every interval of stick-slip, with units in the names: means and standard
     deviations over the teeth of the interval."""
     out: list[dict[str, Cell]] = []
-    if found is None:
-        return out
     for number, one in enumerate(found.stretches, 1):
         row: dict[str, Cell] = {
             "stretch": number,
@@ -188,11 +186,9 @@ def rows(found: StickSlip | None) -> list[dict[str, Cell]]:
     return out
 
 
-def law_rows(found: StickSlip | None) -> list[dict[str, Cell]]:
+def law_rows(found: StickSlip) -> list[dict[str, Cell]]:
     """Return a row for every law, with units in the names; undetermined values are None."""
     out: list[dict[str, Cell]] = []
-    if found is None:
-        return out
     for law, fit in found.fits.items():
         row: dict[str, Cell] = {"law": law, "preferred": found.law == law}
         known = found.claimed(law)
@@ -205,10 +201,8 @@ def law_rows(found: StickSlip | None) -> list[dict[str, Cell]]:
     return out
 
 
-def to_json(found: StickSlip | None) -> dict[str, object] | None:
-    """Return the stick-slip of a run as JSON values, SI; None without stick-slip."""
-    if found is None:
-        return None
+def to_json(found: StickSlip) -> dict[str, object]:
+    """Return the stick-slip of a run as JSON values, SI."""
     own = ("start", "stop", "velocity", "normal_stress", "drops", "periods")
     stretches = [
         entries(one, *own) | {"swing": one.swing if one.resolved else None} | reasoned(one.why)
@@ -231,10 +225,8 @@ def to_json(found: StickSlip | None) -> dict[str, object] | None:
     )
 
 
-def told(found: StickSlip | None) -> list[str]:
+def told(found: StickSlip) -> list[str]:
     """Return lines on the stick-slip of a run."""
-    if found is None:
-        return []
     lines, force = [], " N" if found.unit == "N" else ""
     for one in found.stretches:
         line = f"stick-slip at {1e6 * one.velocity:.4g} um/s from {one.start:.6g} s: "

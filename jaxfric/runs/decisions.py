@@ -10,7 +10,7 @@ from .events import KINDS, Event
 
 _HEAD = """\
 # Events of {name}, one entry for each, by time.
-# Correct wrong entries, and use this file: jaxfric run ... --events {file}
+# Correct wrong entries, and use this file: jaxfric run ... --events events.toml
 # kind: {kinds}
 # Events with fit = true are fitted from `from` to `to`, as one velocity step at `time`;
 # steady = false: friction still rises before it.
@@ -22,9 +22,9 @@ _UNITS = {"time": "s", "from": "s", "to": "s", "time_error": "s", "normal_stress
 _KNOWN = {*_NEEDED, *_UNITS, "fit", "steady", "why"}
 
 
-def decisions_text(events: tuple[Event, ...], name: str, file: str = "events.toml") -> str:
+def decisions_text(events: tuple[Event, ...], name: str) -> str:
     """Return the events as TOML, with a header that explains how to edit the events."""
-    head = _HEAD.format(name=name, file=file, kinds=", ".join(KINDS))
+    head = _HEAD.format(name=name, kinds=", ".join(KINDS))
     return "\n".join([head, *map(_entry_text, events)])
 
 

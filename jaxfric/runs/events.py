@@ -131,7 +131,10 @@ def find_events(record: Record, *, stiffness: MachineStiffness | None = None) ->
         slid = bool(events) and events[-1].kind == "step"
         events.append(_at_joint(record, motion, phases, k, stresses, teeth, stiffness, slid=slid))
     events += _stress_events(phases, stresses, events)
-    events += [_teeth_event(found, phases, record.friction_unit) for found in teeth]
+    unit = " N" if record.friction_unit == "N" else ""
+    for one in teeth:
+        why = warned(RunReason.TEETH, **one._asdict(), unit=unit)
+        events.append(_lasting("stick_slip", one.start, one.stop, phases, why))
     events += _glitches(record, motion, phases, [*teeth, *stresses])
     events.sort(key=lambda event: event.time)
     return Happenings(motion, tuple(_windowed(record, event, events) for event in events))
@@ -272,11 +275,6 @@ def _lasting(kind: str, start: float, stop: float, phases: Sequence[_Phase], why
 
 def _teeth(t: np.ndarray, friction: np.ndarray, phase: _Phase) -> list[Teeth]:
     return find_teeth(t[phase.rows], friction[phase.rows])
-
-
-def _teeth_event(found: Teeth, phases: Sequence[_Phase], unit: str) -> Event:
-    why = warned(RunReason.TEETH, **found._asdict(), unit=" N" if unit == "N" else "")
-    return _lasting("stick_slip", found.start, found.stop, phases, why)
 
 
 def _glitches(

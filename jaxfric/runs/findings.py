@@ -41,11 +41,12 @@ class Findings:
 
     def tables(self) -> dict[str, list[dict[str, Cell]]]:
         """Return the rows of every CSV file, by file name, only for results that the run has."""
+        teeth = self.stick_slip
         found = {
             "holds.csv": of_holds.rows(self.holds, self.unit, self.left_out),
             "stress_steps.csv": of_stress.rows(self.stress_steps),
-            "stick_slip.csv": of_cycles.rows(self.stick_slip),
-            "stick_slip_laws.csv": of_cycles.law_rows(self.stick_slip),
+            "stick_slip.csv": of_cycles.rows(teeth) if teeth else [],
+            "stick_slip_laws.csv": of_cycles.law_rows(teeth) if teeth else [],
             "ramps.csv": of_ramps.rows(self.ramps),
         }
         return {name: rows for name, rows in found.items() if rows}
@@ -55,7 +56,7 @@ class Findings:
         return [
             *of_holds.told(self.holds, self.unit, self.left_out),
             *of_stress.told(self.stress_steps),
-            *of_cycles.told(self.stick_slip),
+            *(of_cycles.told(self.stick_slip) if self.stick_slip else []),
             *of_ramps.told(self.ramps),
         ]
 
@@ -105,7 +106,7 @@ def findings_of(
 def content(run: RunFit, others: Findings) -> dict[str, object]:
     """Return the content of run.json, in SI units."""
     origin, shared = run.record.provenance, share(run.steps)
-    stiffness = ramp_stiffness(others.ramps)
+    stiffness, teeth = ramp_stiffness(others.ramps), others.stick_slip
     return {
         "schema": RUN,
         "record": origin.to_json(len(run.record)),
@@ -135,7 +136,7 @@ def content(run: RunFit, others: Findings) -> dict[str, object]:
         "stress_steps": of_stress.to_json(others.stress_steps),
         "ramps": [asdict(ramp) | reasoned(ramp.why) for ramp in others.ramps],
         "stiffness_from_ramps": None if stiffness is None else asdict(stiffness),
-        "stick_slip": of_cycles.to_json(others.stick_slip),
+        "stick_slip": of_cycles.to_json(teeth) if teeth else None,
         "dependences": [asdict(one) for one in dependences(run.steps)],
         **listed((*warnings_of(run), *others.warnings)),
     }

@@ -139,7 +139,9 @@ def fit_stress(
     for name, error in alone.items():
         weight[NAMES.index(name), NAMES.index(name)] = error**-2
     widened = 1.0
-    z = _begin(problem, z)
+    starts = np.tile(z, (len(_ALPHAS), 1))
+    starts[:, NAMES.index("alpha")] = np.array(_ALPHAS) / _ALPHA
+    z = min(starts, key=lambda x: float(np.sum(_off_and_slopes(problem, x)[0] ** 2)))
     z, spread, ended = _solved(problem, z, center, weight)
     off = (z - center)[where]
     odd = float(off @ weight[np.ix_(where, where)] @ off)
@@ -148,14 +150,6 @@ def fit_stress(
         weight[np.ix_(where, where)] /= widened**2
         z, spread, ended = _solved(problem, z, center, weight)
     return _result(problem, z, spread, ended, rows, widened)
-
-
-def _begin(problem: StressStep, z: np.ndarray) -> np.ndarray:
-    """Return the start with the best of several alpha."""
-    starts = np.tile(z, (len(_ALPHAS), 1))
-    starts[:, NAMES.index("alpha")] = np.array(_ALPHAS) / _ALPHA
-    misfits = [float(np.sum(_off_and_slopes(problem, x)[0] ** 2)) for x in starts]
-    return starts[int(np.argmin(misfits))]
 
 
 def _off_and_slopes(problem: StressStep, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -174,8 +168,8 @@ def _solved(
     if np.abs(plain).max() >= FAILED_MISFIT:
         return z, spread, False
     longest = longest_memory(problem.clock)
-    likely = estimate_noise(noise_rows(problem.clock, problem.weight, plain, slopes, longest))
-    size = np.sqrt(np.sum(plain**2) / np.sum(np.asarray(problem.weight) > 0))
+    likely = estimate_noise(noise_rows(problem.clock, problem.rows.weight, plain, slopes, longest))
+    size = np.sqrt(np.sum(plain**2) / np.sum(np.asarray(problem.rows.weight) > 0))
     noise = likely.noise._replace(sigma=np.maximum(likely.noise.sigma, size))
     return _least(problem, z, center, weight, noise)
 
@@ -194,7 +188,7 @@ def _least(
     def both(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         seen = np.column_stack(_off_and_slopes(problem, z))
         if noise is not None:
-            seen = whitened(problem.clock, problem.weight, seen, noise)
+            seen = whitened(problem.clock, problem.rows.weight, seen, noise)
         rows = np.concatenate([seen, np.column_stack([root @ (z - center), root])])
         return rows[:, 0], rows[:, 1:]
 

@@ -57,17 +57,10 @@ class StressRows(NamedTuple):
 
 
 class StressStep(eqx.Module):
-    """The rows around a step of the normal stress, and this stress; SI, time from 0."""
+    """The padded rows around a step of the normal stress, on the device; SI, time from 0."""
 
-    time: Float[Array, " n"]
-    friction: Float[Array, " n"]
-    weight: Float[Array, " n"]
+    rows: StressRows
     clock: Float[Array, "n 3"]
-    corners: Float[Array, " m"]
-    """Times of the stress's corners [s]; the stress is constant before the first and after the
-    last."""
-    ratios: Float[Array, " m"]
-    """Normal stress at the corners, divided by the initial normal stress."""
     velocity: Float[Array, ""]
     noise: Float[Array, ""]
     """Noise level, the unit of residuals."""
@@ -94,27 +87,26 @@ class StressStep(eqx.Module):
             is_leaf=lambda x: x is None,
         )
         motion = PiecewiseVelocity(jnp.zeros(1), self.velocity[None])
-        out = simulate(rig, motion, self.time, rtol=1e-5, runaway=1e6)
+        out = simulate(rig, motion, jnp.asarray(self.rows.time), rtol=1e-5, runaway=1e6)
         return out.recorded, out.result == RESULTS.successful
 
     def residual(self, z: Float[Array, " p"]) -> Float[Array, " n"]:
         """Return (predicted - recorded)/noise, 0 without weight; `FAILED_MISFIT` on failure."""
         seen, succeeded = self.predict(z)
-        off = (seen - self.friction) / self.noise
-        return jnp.where(succeeded & jnp.isfinite(off), off, FAILED_MISFIT) * self.weight
+        off = (seen - self.rows.friction) / self.noise
+        return jnp.where(succeeded & jnp.isfinite(off), off, FAILED_MISFIT) * self.rows.weight
 
     def _stress(self, late: Float[Array, ""], longer: Float[Array, ""]) -> NormalStress:
-        first = self.corners[0]
-        times = first + late + (self.corners - first) * jnp.exp(longer)
-        widths, rises = jnp.diff(times), jnp.diff(self.ratios)
+        time, corners, ratios = self.rows.time, self.rows.corners, self.rows.ratios
+        times = corners[0] + late + (corners - corners[0]) * jnp.exp(longer)
+        widths, rises = jnp.diff(times), jnp.diff(ratios)
         slopes = jnp.where(widths > 0, rises / jnp.where(widths > 0, widths, 1.0), 0.0)
-        begin = self.time[:1]
         slopes = jnp.concatenate([jnp.zeros(1), slopes, jnp.zeros(1)])
-        levels = jnp.concatenate([self.ratios[:1], self.ratios])
+        levels = jnp.concatenate([ratios[:1], ratios])
         zero = jnp.zeros_like(slopes)
-        span = jnp.stack([self.time[0], self.time[-1]])
+        span = jnp.stack([time[0], time[-1]])
         return NormalStress(
-            jnp.concatenate([begin, times]), jnp.stack([zero, zero, slopes, levels]), span
+            jnp.concatenate([time[:1], times]), jnp.stack([zero, zero, slopes, levels]), span
         )
 
 
@@ -142,18 +134,16 @@ def make_stress_step(
     rows: StressRows, *, velocity: float, noise: float, sizes: np.ndarray, law: str
 ) -> StressStep:
     """Return the problem of these rows, padded so that JAX compiles few array lengths."""
-    n, put = len(rows.time), jax.device_put
+    n = len(rows.time)
     size = bucket(n)
     clock = np.stack([rows.time, velocity * rows.time, np.arange(n, dtype=float)], axis=1)
-    return StressStep(
-        put(filled(rows.time, size)),
-        put(filled(rows.friction, size)),
-        put(filled(rows.weight, size, 0.0)),
-        put(filled(clock, size)),
-        put(filled(rows.corners, CORNERS)),
-        put(filled(rows.ratios, CORNERS)),
-        put(np.array(velocity)),
-        put(np.array(noise)),
-        put(sizes),
-        law,
+    padded = StressRows(
+        filled(rows.time, size),
+        filled(rows.friction, size),
+        filled(rows.weight, size, 0.0),
+        filled(rows.corners, CORNERS),
+        filled(rows.ratios, CORNERS),
+        rows.unsure,
     )
+    numbers = (padded, filled(clock, size), np.array(velocity), np.array(noise), sizes)
+    return StressStep(*jax.device_put(numbers), law)
