@@ -65,7 +65,7 @@ BAD = {
     "empty axis": (GOOD.replace("points = 6", "points = 0"), ["k_p", "points is 0"]),
     "empty list": (
         GOOD.replace('logspace = ["100 kN/m", "1 MN/m"], points = 6', "values = []"),
-        ["values is empty"],
+        ["'k_p' is empty"],
     ),
     "empty range": (GOOD.replace('"1 MN/m"', '"100 kN/m"'), ["is empty"]),
     "twice": (

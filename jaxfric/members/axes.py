@@ -75,8 +75,6 @@ def _axis(about: Quantity, kind: str, axis: Table, where: str) -> Axis:
     place = f"{where} {name}"
     if not isinstance(given, list):
         raise InputError(f"{place}: {kind} is a list, as in {kind} = ['1 um/s', '10 um/s']")
-    if not given:
-        raise InputError(f"{place}: {kind} is empty; give a value or more")
     numbers = [value_of(x, about, place) for x in given]
     labels = {"unit": about.unit, "long_name": about.text}
     if kind == "values":

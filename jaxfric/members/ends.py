@@ -203,26 +203,22 @@ def _cycle(of: _Cycle, rise: tuple[Array, Array], u: Array, spring: Array, decay
     rises, time = rise
     whole = rises & jnp.isfinite(of.begun)
     period = jnp.where(whole, time - of.begun, of.period)
-    shortest, longest = _widened(of.periods, period, whole)
+    periods = _widened(of.periods, period, whole)
     growth = jnp.where(decay < 0, -decay, 0.0) * period
     allowed = jnp.minimum(_REPEATS, _PART_OF_GROWTH * growth)
     low, high = (jnp.abs(now - then) for now, then in zip(of.speeds, of.first, strict=True))
     agrees = (low < allowed) & (high < allowed)
     fresh = whole & ~agrees
     agree = jnp.where(whole, jnp.where(agrees, of.agree + 1, 0), of.agree)
-
-    def choose(new: _Range, old: _Range, when: Array = rises) -> _Range:
-        return jnp.where(when, new[0], old[0]), jnp.where(when, new[1], old[1])
-
     return _Cycle(
-        choose((u, u), _widened(of.speeds, u)),
-        choose((spring, spring), _widened(of.springs, spring)),
+        _pick(rises, (u, u), _widened(of.speeds, u)),
+        _pick(rises, (spring, spring), _widened(of.springs, spring)),
         jnp.where(rises, time, of.begun),
-        choose(of.speeds, of.first, fresh),
-        choose(of.speeds, of.last),
-        choose(of.springs, of.springs_last),
+        _pick(fresh, of.speeds, of.first),
+        _pick(rises, of.speeds, of.last),
+        _pick(rises, of.springs, of.springs_last),
         period,
-        (jnp.where(fresh, period, shortest), jnp.where(fresh, period, longest)),
+        _pick(fresh, (period, period), periods),
         agree,
         of.repeats | (agree >= _IN_A_ROW),
     )
@@ -238,9 +234,12 @@ def _settled(size: Array, before: Underway, after: Underway) -> Bool[Array, ""]:
 
 def _widened(of: _Range, x: Array, inside: Array | bool = True) -> _Range:
     """Extend the range by `x`, if `inside`."""
-    low, high = of
-    wider = jnp.minimum(low, x), jnp.maximum(high, x)
-    return jnp.where(inside, wider[0], low), jnp.where(inside, wider[1], high)
+    return _pick(inside, (jnp.minimum(of[0], x), jnp.maximum(of[1], x)), of)
+
+
+def _pick(when: Array | bool, new: _Range, old: _Range) -> _Range:
+    """Return the range `new` if `when`, else `old`."""
+    return jnp.where(when, new[0], old[0]), jnp.where(when, new[1], old[1])
 
 
 def _code(seen: _SeenEnds, escaped: Array, reached: Array, watch: _Watch) -> Int8[Array, ""]:
@@ -259,15 +258,10 @@ def _code(seen: _SeenEnds, escaped: Array, reached: Array, watch: _Watch) -> Int
 def _numbers(velocity: Array, seen: _SeenEnds, code: Array) -> Ends:
     """Return amplitudes, least velocity and period of a cycle: the last one, or the last half."""
     cycle = seen.cycle
-
-    def chosen(last: _Range, half: _Range) -> _Range:
-        low, high = (jnp.where(cycle.repeats, a, b) for a, b in zip(last, half, strict=True))
-        return low, high
-
-    speeds = chosen(cycle.last, seen.speeds)
-    springs = chosen(cycle.springs_last, seen.springs)
+    speeds = _pick(cycle.repeats, cycle.last, seen.speeds)
+    springs = _pick(cycle.repeats, cycle.springs_last, seen.springs)
+    periods = _pick(cycle.repeats, cycle.periods, seen.periods)
     low, high = (velocity * jnp.exp(jnp.clip(u, -700.0, 600.0)) for u in speeds)
-    periods = chosen(cycle.periods, seen.periods)
     count = jnp.where(cycle.repeats, cycle.agree + 2, seen.rises)
     mean, spread = mean_and_spread(count, seen.first, seen.last, *periods)
     period = jnp.where(cycle.repeats, cycle.period, mean)

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
+from jaxtyping import Array
 
-from ..stability.linear import LinearSlider
 from ..stability.margin_table import MARGINS
 from ..stability.margins import is_stable, margins
 from ..stability.theorem import apply_theorem
@@ -35,7 +34,8 @@ class LinearStability:
     def _member(self, p: Parameters) -> dict[str, Array]:
         slider = self.sliders.linear(p, mass=True)
         theorem = apply_theorem(slider)
-        known = _finite(slider)
+        leaves = jax.tree.leaves(slider.friction)  # not finite where there is no linearisation
+        known = jnp.all(jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in leaves]))
         stable = jnp.where(is_stable(slider), 0, 1)
         found = margins(slider) | {
             "k_cr": theorem.critical_stiffness,
@@ -55,11 +55,3 @@ def make_margins(spec: Spec, table: Table, where: str) -> StudyPart:
         Output("w_cr", "rad/s", "critical frequency"),
     )
     return StudyPart(LinearStability(sliders_of(spec)), outputs)
-
-
-def _finite(slider: LinearSlider) -> Bool[Array, ""]:
-    """Whether friction has a linearisation here."""
-    finite = jnp.ones((), bool)
-    for leaf in jax.tree.leaves(slider.friction):
-        finite = finite & jnp.all(jnp.isfinite(leaf))
-    return finite

@@ -29,7 +29,7 @@ from ..study import Axis, Output
 from ..tables import Table, flag, positive, refuse_unknown, whole
 from ..threads import at_once
 from . import ends as streaming
-from .parameters import rate_state, read_value
+from .parameters import parameter, rate_state, value_of
 from .sliders import Parameters, Sliders, sliders_of, streamed
 from .spec import Spec, StudyPart
 
@@ -300,7 +300,8 @@ def _function(spec: Spec, table: Table, where: str) -> Motions:
     refuse_unknown(table, _KEYS, where)
     sliders = sliders_of(spec)
     if "ratio" in table:
-        ratio = read_value(table["ratio"], "ratio", f"{where} ratio")
+        place = f"{where} ratio"
+        ratio = value_of(table["ratio"], parameter("ratio", place), place)
         sliders = replace(sliders, fixed={**sliders.fixed, "ratio": ratio})
     axis = next((axis.values for axis in spec.grid.axes if axis.name == "ratio"), ())
     if 1.0 in (sliders.fixed.get("ratio"), *axis):

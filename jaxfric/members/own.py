@@ -29,10 +29,10 @@ from ..quantity import Quantity
 from ..study import Grid, Output
 from ..study.function import Function, Kind
 from ..study.local import error_text, infer_outputs, outputs_of_shapes
-from ..tables import Table, names_of, number, read_toml, refuse_unknown, table_of, whole
+from ..tables import Table, number, read_toml, refuse_unknown, table_of
 from ..units import WrongDimension, is_unit
 from .axes import read_grid
-from .spec import Spec, StudyPart, dtype_of, refuse_outputs
+from .spec import Spec, StudyPart, refuse_outputs, spec_of
 
 # Members of a block, for a function written with JAX or in plain Python.
 _CHUNK, _CHUNK_ONE_BY_ONE = 65536, 16
@@ -82,22 +82,9 @@ def read_own(path: str | Path, reference: str) -> tuple[Spec, StudyPart]:
         }
     except WrongDimension as error:
         raise InputError(f"{error}, or state its unit in [units], as in x = 'm'") from None
-    both = [name for name in fixed if name in grid.names]
-    if both:
-        raise InputError(f"{path.name}: {both[0]} is in [rig] and in [axes]; leave one out")
+    content = {**content, "function": reference}
+    spec = spec_of(path, text, content, ("the function",), fixed, grid, files)
     own = Own(load_function(reference), fixed)
-    spec = Spec(
-        path,
-        text,
-        {**content, "function": reference},
-        ("the function",),
-        names_of(content, "outputs", path.name),
-        whole(content, "chunk", path.name),
-        dtype_of(content, path.name),
-        fixed,
-        grid,
-        files,
-    )
     known = tuple(
         replace(output, unit=units.get(output.name, "1"))
         for output in _outputs(own, grid, kind, reference, path.name)

@@ -47,11 +47,6 @@ def parameter(name: str, where: str, *, known: Iterable[str] | None = None) -> Q
     return _KNOWN[name]
 
 
-def read_value(content: object, name: str, where: str) -> float:
-    """Read the value of one parameter from a text, "3 um", or from a plain number."""
-    return value_of(content, parameter(name, where), where)
-
-
 def value_of(content: object, about: Quantity, where: str) -> float:
     """Read a number of a study.toml in SI; a known parameter must be within its bounds."""
     value = number(content, about.unit, where)

@@ -26,7 +26,7 @@ samples = 100                       # of the outputs force and velocity
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ..errors import InputError, did_you_mean
@@ -34,7 +34,7 @@ from ..laws.registry import count_states, known_law
 from ..rig.friction import AbstractLaw
 from ..saved import law_from_fit
 from ..study import Grid, Output
-from ..study.function import Cost, Function, Kind
+from ..study.function import DTYPES, Cost, Function, Kind
 from ..tables import (
     Table,
     file_of,
@@ -147,31 +147,43 @@ def read_spec(path: str | Path, known: Mapping[str, Computation]) -> Spec:
     name, own, more = posterior(content, path, grid)
     law, warnings = law or name, (*warnings, *more)
     fixed = {**own, "ratio": _RATIO, **fixed}
-    in_both = [
-        name for name in grid.names if name in fixed and name in table_of(content, "rig", where)
-    ]
-    if in_both:
-        raise InputError(f"{where}: {in_both[0]} is in [rig] and in [axes]; leave one out")
-    fixed = {name: value for name, value in fixed.items() if name not in grid.names}
     name = law if isinstance(law, str) else None
-    spec = Spec(
-        path,
-        text,
-        content,
-        compute,
-        names_of(content, "outputs", where),
-        whole(content, "chunk", where),
-        dtype_of(content, where),
-        fixed,
-        grid,
-        files,
-        law,
-        count_states(name, (*fixed, *grid.names)),
-        options,
-        tuple(dict.fromkeys(warnings)),
+    spec = replace(
+        spec_of(path, text, content, compute, fixed, grid, files),
+        law=law,
+        states=count_states(name, (*fixed, *grid.names)),
+        options=options,
+        warnings=tuple(dict.fromkeys(warnings)),
     )
     _refuse_missing(spec, where, {name for one in compute for name in known[one].needs})
     return spec
+
+
+def spec_of(
+    path: Path,
+    text: str,
+    content: dict[str, object],
+    compute: tuple[str, ...],
+    fixed: dict[str, float],
+    grid: Grid,
+    files: dict[str, str],
+) -> Spec:
+    """Return a study without law; `fixed` also has parameters that the grid varies.
+
+    Raises
+    ------
+    InputError : a parameter is in [rig] and in [axes], or `outputs`, `chunk` or `dtype` is invalid.
+    """
+    where = path.name
+    both = [name for name in grid.names if name in table_of(content, "rig", where)]
+    if both:
+        raise InputError(f"{where}: {both[0]} is in [rig] and in [axes]; leave one out")
+    dtype = content.get("dtype", "float64")
+    if dtype not in DTYPES:
+        raise InputError(f"{where}: dtype is {dtype!r}; it is 'float64' or 'float32'")
+    fixed = {name: value for name, value in fixed.items() if name not in grid.names}
+    outputs, chunk = names_of(content, "outputs", where), whole(content, "chunk", where)
+    return Spec(path, text, content, compute, outputs, chunk, str(dtype), fixed, grid, files)
 
 
 def refuse_outputs(spec: Spec, known: tuple[Output, ...]) -> None:
@@ -199,14 +211,6 @@ def _compute(content: Table, where: str, known: Mapping[str, Computation]) -> tu
             " separate study for it"
         )
     return found
-
-
-def dtype_of(content: Table, where: str) -> str:
-    """Return the type of the stored numbers."""
-    found = content.get("dtype", "float64")
-    if found == "float64" or found == "float32":
-        return str(found)
-    raise InputError(f"{where}: dtype is {found!r}; it is 'float64' or 'float32'")
 
 
 def _rig(
