@@ -24,7 +24,7 @@ from .source import other_versions, own_code, versions
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-Elsewhere = Callable[[bytes, int, dict[str, str], str], Computed]
+Elsewhere = Callable[[int, bytes, dict[str, str], str], Computed]
 # Blocks in progress for each thread of the cluster: one computed, one waiting.
 _AHEAD = 2
 # If a block loses this number of workers, the block itself counts as the cause.
@@ -130,7 +130,7 @@ def _travelling() -> Elsewhere:
     """
 
     def compute_elsewhere(
-        packed: bytes, number: int, expected: dict[str, str], flags: str
+        number: int, packed: bytes, expected: dict[str, str], flags: str
     ) -> Computed:
         import pickle
 
@@ -224,21 +224,14 @@ class _Pool:
                 else:
                     yield number, block
 
-    def _fill(
-        self,
-        todo: list[int],
-        compute: Elsewhere,
-        packed: bytes,
-        expected: dict[str, str],
-        flags: str,
-    ) -> None:
+    def _fill(self, todo: list[int], compute: Elsewhere, *how: object) -> None:
         room = max(_AHEAD * self._threads(), _AHEAD) - len(self.futures)
         for _ in range(min(room, len(todo))):
             number = todo.pop()
             key = f"block-{self.task.token}-{number}-{self.losses.get(number, 0)}"
             future = self._ask(
                 lambda key=key, number=number: self.client.submit(
-                    compute, packed, number, expected, flags, key=key, pure=False, retries=0
+                    compute, number, *how, key=key, pure=False, retries=0
                 )
             )
             self.futures[future] = number
@@ -292,8 +285,9 @@ class _Pool:
             return None
         if isinstance(error, ImportError):
             raise Stopped(
-                f"a worker at {self.address} has no package '{_package(error)}'; install there"
-                " what is installed here"
+                f"a worker at {self.address} has no package"
+                f" '{(error.name or str(error)).partition('.')[0]}'; install there what is"
+                " installed here"
             )
         if error is not None:
             raise error
@@ -320,7 +314,3 @@ class _Pool:
 
     def _gone(self) -> Stopped:
         return Stopped(f"the scheduler at {self.address} is lost")
-
-
-def _package(error: ImportError) -> str:
-    return (error.name or str(error)).partition(".")[0]

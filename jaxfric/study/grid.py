@@ -47,8 +47,7 @@ def linspace(
     name: str, low: float, high: float, number: int, *, unit: str = "1", long_name: str = ""
 ) -> Axis:
     """Return an axis of `number` values from `low` to `high`, evenly spaced."""
-    _refuse_number(name, number)
-    return Axis(name, np.linspace(low, high, number), unit, long_name)
+    return Axis(name, np.linspace(low, high, max(number, 0)), unit, long_name)
 
 
 def logspace(
@@ -56,20 +55,14 @@ def logspace(
 ) -> Axis:
     """Return an axis of `number` positive values from `low` to `high`, evenly spaced in the
     logarithm."""
-    _refuse_number(name, number)
     if not (low > 0 and high > 0):
         raise InputError(f"axis '{name}': logspace needs positive ends, not {low:g} and {high:g}")
-    return Axis(name, np.geomspace(low, high, number), unit, long_name, log=True)
+    return Axis(name, np.geomspace(low, high, max(number, 0)), unit, long_name, log=True)
 
 
 def values(name: str, numbers: ArrayLike, *, unit: str = "1", long_name: str = "") -> Axis:
     """Return an axis of the given values."""
     return Axis(name, np.asarray(numbers, float), unit, long_name)
-
-
-def _refuse_number(name: str, number: int) -> None:
-    if number < 1:
-        raise InputError(f"axis '{name}' is empty: {number} points; give 1 or more")
 
 
 @dataclass(frozen=True)

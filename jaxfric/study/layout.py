@@ -10,7 +10,7 @@ import numpy as np
 
 from ..schemas import STUDY
 from .function import OUTCOME, OUTCOMES, Output, Task
-from .grid import SAMPLE, Axis
+from .grid import SAMPLE
 from .marks import DONE, FIXED, fixed_checksums
 from .source import versions
 
@@ -77,71 +77,65 @@ def _attributes(task: Task, label: Label) -> "dict[str, JSON]":
     return found | ({"coordinates": " ".join(columns)} if columns else {})
 
 
-class _Variable(NamedTuple):
-    """One array of a store."""
-
-    name: str
-    dtype: str
-    dims: dict[str, tuple[int, int]]
-    """Lengths of the array and of its chunks, by dimension."""
-    attributes: "dict[str, JSON]"
-
-
 def _variables(group: "zarr.Group", task: Task) -> None:
     grid, blocks = task.grid, task.blocks
     dims = {d: (n, b) for d, n, b in zip(grid.dims, grid.shape, blocks.block, strict=True)}
-    for axis in grid.axes:
-        _add_axis(group, axis)
-    if grid.samples is not None:
-        for name, unit, text in grid.samples.described():
-            about: dict[str, JSON] = {"units": unit, "long_name": text or name}
-            _add(group, _Variable(name, "float64", {SAMPLE: dims[SAMPLE]}, about))
-    done = set()
+    axes = {axis.name: axis for axis in grid.axes}
     for output in outputs_of(task):
         for dim in output.dims:
-            if dim.name not in done:
-                _add_axis(group, dim)
-            done.add(dim.name)
+            axes.setdefault(dim.name, dim)
         dtype = task.dtype if output.dtype == "float" else output.dtype
         more = {dim.name: (len(dim.values), len(dim.values)) for dim in output.dims}
-        _add(group, _Variable(output.name, dtype, dims | more, _described(output)))
+        _add(group, output.name, dtype, dims | more, _described(output))
+    for axis in axes.values():
+        length, about = len(axis.values), _labels(axis.name, axis.unit, axis.long_name)
+        about |= {"spacing": "log"} if axis.log else {}
+        array = _add(group, axis.name, "float64", {axis.name: (length, length)}, about)
+        array[:] = axis.values
+    for label in [] if grid.samples is None else grid.samples.described():
+        _add(group, label[0], "float64", {SAMPLE: dims[SAMPLE]}, _labels(*label))
     about: dict[str, JSON] = {"long_name": "checksum of each finished block; 0: not finished"}
-    _add(group, _Variable(DONE, "uint64", {"block": (len(blocks), 1)}, about), plain=True)
+    _add(group, DONE, "uint64", {"block": (len(blocks), 1)}, about, plain=True)
+
+
+def _labels(name: str, unit: str, text: str) -> "dict[str, JSON]":
+    return {"units": unit, "long_name": text or name}
 
 
 def _described(output: Output) -> "dict[str, JSON]":
-    found: dict[str, JSON] = {"long_name": output.long_name or output.name}
+    found = _labels(output.name, output.unit, output.long_name)
     if output.codes is None:
-        return found | {"units": output.unit}
-    return found | {
+        return found
+    return {
+        "long_name": found["long_name"],
         "flag_values": list(range(len(output.codes))),
         "flag_meanings": " ".join(output.codes),
         "flag_texts": list(output.codes.values()),
     }
 
 
-def _add_axis(group: "zarr.Group", axis: Axis) -> None:
-    """Add the values of a dimension."""
-    about: dict[str, JSON] = {"units": axis.unit, "long_name": axis.long_name or axis.name}
-    about |= {"spacing": "log"} if axis.log else {}
-    length = len(axis.values)
-    array = _add(group, _Variable(axis.name, "float64", {axis.name: (length, length)}, about))
-    array[:] = axis.values
-
-
-def _add(group: "zarr.Group", of: _Variable, *, plain: bool = False) -> "zarr.Array":
-    """Add an array filled with nan or -1; `plain`: with zeros, and uncompressed."""
+def _add(
+    group: "zarr.Group",
+    name: str,
+    dtype: str,
+    dims: dict[str, tuple[int, int]],
+    attributes: "dict[str, JSON]",
+    *,
+    plain: bool = False,
+) -> "zarr.Array":
+    """Add an array filled with nan or -1; `plain`: with zeros, and uncompressed. `dims` has the
+    lengths of the array and of its chunks, by dimension."""
     from zarr.codecs import BloscCodec, Crc32cCodec
 
-    number = np.dtype(of.dtype).kind == "f"
+    number = np.dtype(dtype).kind == "f"
     packed = [BloscCodec(cname="lz4", clevel=5, shuffle="shuffle"), Crc32cCodec()]
     return group.create_array(
-        of.name,
-        shape=tuple(length for length, _ in of.dims.values()),
-        chunks=tuple(chunk for _, chunk in of.dims.values()),
-        dtype=of.dtype,
+        name,
+        shape=tuple(length for length, _ in dims.values()),
+        chunks=tuple(chunk for _, chunk in dims.values()),
+        dtype=dtype,
         fill_value=0 if plain else (float("nan") if number else -1),
         compressors=None if plain else packed,
-        dimension_names=list(of.dims),
-        attributes=of.attributes,
+        dimension_names=list(dims),
+        attributes=attributes,
     )

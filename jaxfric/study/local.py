@@ -43,8 +43,8 @@ def compute(task: Task, number: int) -> Computed:
     if task.kind == "host":
         found, errors = _one_by_one(task, members)
     else:
-        count = len(next(iter(members.values())))
-        found, errors = finish(dispatch(task, members), count), {}
+        count, errors = len(next(iter(members.values()))), {}
+        found = {name: np.asarray(x)[:count] for name, x in dispatch(task, members).items()}
     lengths = tuple(part.stop - part.start for part in where)
     return Computed({n: x.reshape(*lengths, *x.shape[1:]) for n, x in found.items()}, errors)
 
@@ -57,11 +57,6 @@ def dispatch(task: Task, members: dict[str, np.ndarray]) -> Arrays:
             _compiled[task.token] = _compile(task)
         filled = {name: _filled(task, column) for name, column in members.items()}
         return _compiled[task.token](filled)
-
-
-def devices(task: Task) -> int:
-    """Return the number of devices that share a block."""
-    return len(_devices(task))
 
 
 def _devices(task: Task) -> list:
@@ -80,11 +75,6 @@ def _on(task: Task) -> contextlib.AbstractContextManager[object]:
     return contextlib.nullcontext() if own else jax.default_device(first)
 
 
-def finish(found: Arrays, number: int) -> dict[str, np.ndarray]:
-    """Wait for the first `number` rows of the outputs, and return these rows."""
-    return {name: np.asarray(x)[:number] for name, x in found.items()}
-
-
 def _filled(task: Task, column: np.ndarray) -> np.ndarray:
     column = column.astype(task.precision)
     more = _whole(task) - len(column)
@@ -93,7 +83,7 @@ def _filled(task: Task, column: np.ndarray) -> np.ndarray:
 
 def _whole(task: Task) -> int:
     """Return the size of a padded block: a whole number of batches for every device."""
-    parts = devices(task) * _batch(task)
+    parts = len(_devices(task)) * _batch(task)
     return -(-task.blocks.largest // parts) * parts
 
 
@@ -102,28 +92,27 @@ def _batch(task: Task) -> int:
         number = at_once(task.batch)
         if number > task.batch:  # on a GPU a loop over few members takes as long as over many
             number = max(number, at_once(Task.batch))
-    return max(min(number, -(-task.blocks.largest // devices(task))), 1)
+    return max(min(number, -(-task.blocks.largest // len(_devices(task)))), 1)
 
 
 def _compile(task: Task) -> Callable[[dict[str, np.ndarray]], Arrays]:
     devices, size = _devices(task), _batch(task)
     mesh = Mesh(np.asarray(devices), ("device",))
     split = PartitionSpec("device")
-    rows = _batched(task)
+    rows, shared = _batched(task), len(devices) > 1 and not task.separate
+    # devices that share a loop have each its part of every batch
+    lanes = NamedSharding(mesh, PartitionSpec(None, "device"))
+    together = size * len(devices) if shared else size
 
-    def on_device(members: Arrays) -> Arrays:
-        parts = {name: x.reshape(-1, size) for name, x in members.items()}
+    def mapped(members: Arrays) -> Arrays:
+        parts = {name: x.reshape(-1, together) for name, x in members.items()}
+        if shared:
+            parts = jax.lax.with_sharding_constraint(parts, dict.fromkeys(parts, lanes))
         found = jax.lax.map(rows, parts)
         return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
 
-    if len(devices) == 1:
-        mapped = on_device
-    elif task.separate:
-        mapped = jax.shard_map(
-            on_device, mesh=mesh, in_specs=split, out_specs=split, check_vma=False
-        )
-    else:
-        mapped = _together(rows, size * len(devices), mesh)
+    if len(devices) > 1 and task.separate:
+        mapped = jax.shard_map(mapped, mesh=mesh, in_specs=split, out_specs=split, check_vma=False)
 
     def block(members: Arrays) -> Arrays:
         order = _order(task, members, len(devices) if task.separate else 1, size)
@@ -134,21 +123,6 @@ def _compile(task: Task) -> Callable[[dict[str, np.ndarray]], Arrays]:
         return jax.tree.map(lambda x: x[back], found)
 
     return jax.jit(block, in_shardings=NamedSharding(mesh, PartitionSpec()))
-
-
-def _together(rows: OfArrays, size: int, mesh: Mesh) -> OfArrays:
-    """Run all devices in one loop, each with its part of every batch."""
-    lanes = NamedSharding(mesh, PartitionSpec(None, "device"))
-
-    def mapped(members: Arrays) -> Arrays:
-        parts = {
-            name: jax.lax.with_sharding_constraint(x.reshape(-1, size), lanes)
-            for name, x in members.items()
-        }
-        found = jax.lax.map(rows, parts)
-        return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
-
-    return mapped
 
 
 def _order(task: Task, members: Arrays, devices: int, size: int) -> jax.Array | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .grid import Tiling
-from .place import AbstractPlace
+from .place import Place
 
 DONE = "done"
 FIXED = "checksums.json"
@@ -24,7 +24,7 @@ _AT_ONCE = 16
 class Marks:
     """The blocks of a store and their marks."""
 
-    place: AbstractPlace
+    place: Place
     blocks: Tiling
     outputs: dict[str, int]
     """Number of dimensions of every variable of the blocks."""
@@ -32,7 +32,7 @@ class Marks:
     """Sampled parameters, written with the first blocks along the other dimensions."""
 
     @staticmethod
-    def of(place: AbstractPlace, attributes: dict[str, Any]) -> "Marks":
+    def of(place: Place, attributes: dict[str, Any]) -> "Marks":
         """Return the marks of a store with known attributes."""
         layout = attributes["layout"]
         blocks = Tiling(tuple(layout["shape"]), tuple(layout["block"]))
@@ -100,7 +100,7 @@ def fixed_checksums(files: Iterable[tuple[str, bytes]]) -> bytes:
     return json.dumps({"files": sums}, sort_keys=True, indent=1).encode()
 
 
-def damaged_files(place: AbstractPlace) -> list[str]:
+def damaged_files(place: Place) -> list[str]:
     """Return damaged files of those written only once; return `FIXED` if that file is damaged."""
     try:
         files = json.loads(place.read(FIXED) or b"")["files"].items()

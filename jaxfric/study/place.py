@@ -6,7 +6,6 @@ writer renews, locks an object store. If the lock file is no longer renewed, its
 and another run may write.
 """
 
-import abc
 import contextlib
 import json
 import os
@@ -33,62 +32,7 @@ _SCHEMES = ("s3", "gs", "az")
 _BEAT, _ABANDONED = 10.0, 60.0
 
 
-class AbstractPlace(abc.ABC):
-    """The files of one store, by their names with slashes."""
-
-    shown: str
-
-    @abc.abstractmethod
-    def exists(self) -> bool:
-        """Whether any file is stored at this place."""
-
-    @abc.abstractmethod
-    def read(self, name: str) -> bytes | None:
-        """Return the content of a file, or None if it does not exist."""
-
-    @abc.abstractmethod
-    def write(self, name: str, content: bytes) -> None:
-        """Create or replace a file atomically."""
-
-    @abc.abstractmethod
-    def remove(self, name: str) -> None:
-        """Remove a file if it exists."""
-
-    @abc.abstractmethod
-    def names(self, folder: str) -> list[str]:
-        """Return the names of files in a folder, without the folder's name."""
-
-    @abc.abstractmethod
-    def sweep(self) -> None:
-        """Remove partly written files of a killed run."""
-
-    @abc.abstractmethod
-    def install(self, made: Callable[[str], None]) -> None:
-        """Let `made` write a new store into a temporary folder, and move the store here."""
-
-    @abc.abstractmethod
-    def discard(self) -> None:
-        """Remove the whole store."""
-
-    @abc.abstractmethod
-    def zarr(self) -> "str | ObjectStore":
-        """Return the place in a form that the zarr package accepts."""
-
-    @abc.abstractmethod
-    def lock(self, tell: Tell) -> contextlib.AbstractContextManager[None]:
-        """Lock the place for this process.
-
-        Raises
-        ------
-        InputError : another run holds the lock.
-        """
-
-    @abc.abstractmethod
-    def faults(self) -> contextlib.AbstractContextManager[None]:
-        """Turn all failures of the place into `OSError`."""
-
-
-def place_of(out: str | Path) -> AbstractPlace:
+def place_of(out: str | Path) -> "Place":
     """Return the place of a path or a URL.
 
     Raises
@@ -112,22 +56,25 @@ def place_of(out: str | Path) -> AbstractPlace:
     return Directory(Path(text))
 
 
-class Directory(AbstractPlace):
-    """A folder of a file system."""
+class Directory:
+    """A folder of a file system. File names have slashes; `shown` is the path, for messages."""
 
     def __init__(self, path: Path):
         self.path, self.shown = path, str(path)
 
     def exists(self) -> bool:
+        """Whether any file is stored at this place."""
         return self.path.exists()
 
     def read(self, name: str) -> bytes | None:
+        """Return the content of a file, or None if it does not exist."""
         try:
             return (self.path / name).read_bytes()
         except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
             return None
 
     def write(self, name: str, content: bytes) -> None:
+        """Create or replace a file atomically."""
         path = self.path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_name(f"{path.name}.partial")
@@ -135,18 +82,21 @@ class Directory(AbstractPlace):
         os.replace(partial, path)
 
     def remove(self, name: str) -> None:
+        """Remove a file if it exists."""
         (self.path / name).unlink(missing_ok=True)
 
     def names(self, folder: str) -> list[str]:
+        """Return the names of files in a folder, without the folder's name."""
         path = self.path / folder
         return sorted(os.listdir(path)) if path.is_dir() else []
 
     def sweep(self) -> None:
+        """Remove partly written files of a killed run."""
         for partial in self.path.rglob("*.partial"):
             partial.unlink(missing_ok=True)
 
     def install(self, made: Callable[[str], None]) -> None:
-        """Install a store that is first written next to the destination, then moved."""
+        """Let `made` write a new store into a temporary folder, and move the store here."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory(
@@ -161,18 +111,25 @@ class Directory(AbstractPlace):
             ) from None
 
     def discard(self) -> None:
+        """Remove the whole store."""
         shutil.rmtree(self.path, ignore_errors=True)
 
     def zarr(self) -> "str | ObjectStore":
+        """Return the place in a form that the zarr package accepts."""
         return str(self.path)
 
     def faults(self) -> contextlib.AbstractContextManager[None]:
-        """Do nothing, because a file system only raises `OSError`."""
+        """Turn all failures of the place into `OSError`; a file system raises no others."""
         return contextlib.nullcontext()
 
     @contextlib.contextmanager
     def lock(self, tell: Tell) -> Generator[None]:
-        """Hold a lock of the operating system, which is released whenever the process ends."""
+        """Hold a lock of the operating system, which is released whenever the process ends.
+
+        Raises
+        ------
+        InputError : another run holds the lock.
+        """
         try:
             import fcntl
         except ImportError:  # this operating system has no such locks
@@ -188,8 +145,8 @@ class Directory(AbstractPlace):
             yield
 
 
-class Objects(AbstractPlace):
-    """A prefix of an object store, `s3://bucket/name.zarr`, through obstore.
+class Objects:
+    """A prefix of an object store, `s3://bucket/name.zarr`, through obstore; as `Directory`.
 
     Endpoint, region and credentials come from the environment, as AWS_ENDPOINT_URL,
     AWS_ACCESS_KEY_ID and the like.
@@ -218,6 +175,7 @@ class Objects(AbstractPlace):
             return self.read("zarr.json") is not None
 
     def read(self, name: str) -> bytes | None:
+        """Return the content of a file, or None if it does not exist."""
         with self.faults():
             try:
                 return bytes(self._obstore.get(self._store, name).bytes())
@@ -225,6 +183,7 @@ class Objects(AbstractPlace):
                 return None
 
     def write(self, name: str, content: bytes) -> None:
+        """Create or replace a file atomically."""
         if self._lost and name != LOCK:
             raise OSError(5, "another run took the store over", self.shown)
         with self.faults():
@@ -234,10 +193,12 @@ class Objects(AbstractPlace):
                 raise OSError(5, _reason(error), self.shown) from None
 
     def remove(self, name: str) -> None:
+        """Remove a file if it exists."""
         with self.faults(), contextlib.suppress(FileNotFoundError):
             self._obstore.delete(self._store, name)
 
     def names(self, folder: str) -> list[str]:
+        """Return the names of files in a folder, without the folder's name."""
         return [name.removeprefix(f"{folder}/") for name in self._below(folder)]
 
     def _below(self, prefix: str | None) -> list[str]:
@@ -264,6 +225,7 @@ class Objects(AbstractPlace):
             self.remove(name)
 
     def zarr(self) -> "str | ObjectStore":
+        """Return the place in a form that the zarr package accepts."""
         from zarr.storage import ObjectStore
 
         return ObjectStore(self._store)
@@ -333,6 +295,10 @@ class Objects(AbstractPlace):
                 if self._lost:
                     return
                 self.write(LOCK, _beat(owner, count))
+
+
+Place = Directory | Objects
+"""The files of one store; both classes have the same methods."""
 
 
 def _beat(owner: str, count: int) -> bytes:

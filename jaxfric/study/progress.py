@@ -5,8 +5,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from .function import Task
-
 
 @dataclass(frozen=True)
 class Progress:
@@ -23,20 +21,16 @@ class Progress:
     """Remaining seconds at that rate."""
 
 
+@dataclass
 class Clock:
-    """Counts written blocks and reports progress."""
+    """Counts written blocks, `total` in the study, and reports progress."""
 
-    def __init__(
-        self,
-        task: Task,
-        blocks: int,
-        written: int,
-        progress: Callable[[Progress], None] | None,
-    ):
-        self.total, self.written, self.progress = blocks, written, progress
-        self.size = task.grid.size
-        self.members = 0
-        self.compiled: tuple[float, int, int] | None = None
+    total: int
+    written: int
+    progress: Callable[[Progress], None] | None
+    members: int = 0
+    compiled: tuple[float, int, int] | None = None
+    """Time, blocks and members of the first block, which compiles."""
 
     def count(self, members: int) -> None:
         """Count another block."""

@@ -35,7 +35,6 @@ from .store import verify as verify_store
 
 if TYPE_CHECKING:
     import xarray
-    from distributed import Client
 
 CHUNK = 65536
 _OUTCOMES = list(OUTCOMES)
@@ -102,7 +101,11 @@ def run(
     precision = precision or dtype
     refuse_dtypes(dtype, precision)
     if outputs is None:
-        outputs = _inferred(function, grid, kind, precision)
+        if kind == "host":
+            raise InputError("a function of kind 'host' needs its outputs listed")
+        from .local import infer_outputs
+
+        outputs = infer_outputs(function, grid, kind, precision)
     refuse_clashes(grid, outputs)
     how = (kind, cost, batch, dtype, precision, separate)
     task = Task(function, grid, Tiling.of(grid.shape, chunk), tuple(outputs), *how)
@@ -115,20 +118,9 @@ def run(
         workers = 1
     if isinstance(workers, int) and workers > 1:
         tell(f"starting {workers} processes")
-    with _cluster(workers) as client, opened as store:
-        where = workers if isinstance(workers, str) else "this machine"
-        source = _local if client is None else _on(client, where, tell)
+    with _source(workers, tell) as source, opened as store:
         _go_on(store, source, progress, tell)
     return load(out, verify=False)
-
-
-def _inferred(function: Function, grid: Grid, kind: Kind, precision: str) -> tuple[Output, ...]:
-    """Infer undeclared outputs: all that the function returns."""
-    if kind == "host":
-        raise InputError("a function of kind 'host' needs its outputs listed")
-    from .local import infer_outputs
-
-    return infer_outputs(function, grid, kind, precision)
 
 
 def _large(task: Task) -> str:
@@ -143,19 +135,19 @@ def _large(task: Task) -> str:
     return f"{members:.3g} members in {len(task.blocks)} chunks: up to {size / 1e12:.3g} TB"
 
 
-def _cluster(workers: str | int) -> "contextlib.AbstractContextManager[Client | None]":
-    """Return a client of the workers, or None for this process, before anything is written."""
+@contextlib.contextmanager
+def _source(workers: str | int, tell: Tell) -> Generator[Source]:
+    """Yield what computes blocks: this process, processes of this machine, or the workers of a
+    scheduler; connect to these before anything is written."""
     if isinstance(workers, int) and workers < 2:
-        return contextlib.nullcontext()
-    from .cluster import connected, local_processes
+        yield _local
+        return
+    from .cluster import connected, distributed, local_processes
 
-    return local_processes(workers) if isinstance(workers, int) else connected(workers)
-
-
-def _on(client: "Client", scheduler: str, tell: Tell) -> Source:
-    from .cluster import distributed
-
-    return lambda task, todo: distributed(client, task, todo, scheduler, tell)
+    here = isinstance(workers, int)
+    with local_processes(workers) if here else connected(workers) as client:
+        where = "this machine" if here else workers
+        yield lambda task, todo: distributed(client, task, todo, where, tell)
 
 
 def load(path: str | Path, *, verify: bool = True) -> "xarray.Dataset":
@@ -218,7 +210,7 @@ def _go_on(
     todo = [int(i) for i in np.flatnonzero(~sound)]
     if not todo:
         return
-    clock = Clock(task, len(sound), int(sound.sum()), progress)
+    clock = Clock(len(sound), int(sound.sum()), progress)
     try:
         with contextlib.closing(source(task, todo)) as found:
             _write_all(store, found if begun else _refuse_failures(found, task), clock)
@@ -287,16 +279,16 @@ def _local(task: Task, todo: Sequence[int]) -> Generator[tuple[int, Computed], N
 
 def _write_all(store: Store, found: Iterable[tuple[int, Computed]], clock: Clock) -> None:
     """Write blocks as they arrive, one behind the computation."""
+
+    def write(number: int, block: Computed) -> None:
+        store.write(number, block)
+        clock.count(block.values[OUTCOME].size)
+
     pending: Future | None = None
     with ThreadPoolExecutor(1) as writer:
         for number, block in found:
             if pending is not None:
                 pending.result()
-            pending = writer.submit(_write, store, number, block, clock)
+            pending = writer.submit(write, number, block)
         if pending is not None:
             pending.result()
-
-
-def _write(store: Store, number: int, block: Computed, clock: Clock) -> None:
-    store.write(number, block)
-    clock.count(block.values[OUTCOME].size)

@@ -246,10 +246,8 @@ def _installed(module: str | None) -> bool:
     """Whether a module belongs to Python, to an installed package, or to jaxfric."""
     if not module or module == "__main__":
         return False
-    top = module.partition(".")[0]
-    if top in sys.builtin_module_names or top in sys.stdlib_module_names:
-        return True
-    if top == __name__.partition(".")[0]:
+    top, own = module.partition(".")[0], __name__.partition(".")[0]
+    if top in (own, *sys.builtin_module_names, *sys.stdlib_module_names):
         return True
     file = getattr(sys.modules.get(module), "__file__", None) or ""
     return bool({"site-packages", "dist-packages"} & set(Path(file).parts))

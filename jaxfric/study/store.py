@@ -24,7 +24,7 @@ from ..silent import silent
 from .function import ERRORS, Computed, Task
 from .layout import Label, make_store, outputs_of, sampled
 from .marks import DONE, FIXED, Marks, damaged_files, fixed_checksums
-from .place import AbstractPlace, Tell
+from .place import Place, Tell
 from .source import other_versions, versions
 
 _ROOT = "zarr.json"
@@ -43,7 +43,7 @@ def require_packages() -> None:
 class Store:
     """An open store of one study, made by `open_store`."""
 
-    def __init__(self, place: AbstractPlace, task: Task):
+    def __init__(self, place: Place, task: Task):
         import zarr
 
         self.place, self.task = place, task
@@ -89,7 +89,7 @@ class Store:
 
 @contextlib.contextmanager
 def open_store(
-    place: AbstractPlace,
+    place: Place,
     task: Task,
     label: Label,
     *,
@@ -110,11 +110,16 @@ def open_store(
 
     if place.exists():
         refuse_other(place, label.description)
-        if changed_versions(place) and not place.names(f"{DONE}/c"):
+        changed = changed_versions(place)
+        if changed and not place.names(f"{DONE}/c"):
             with place.lock(tell):  # the store has no block yet: start again
                 place.discard()
-        elif not any_versions:
-            refuse_other_versions(place)
+        elif changed and not any_versions:
+            raise InputError(
+                f"{place.shown} was begun with other versions: {', '.join(changed)}; the study"
+                f" would mix results of both: give another with {option('out')}, or continue"
+                f" nevertheless with {option('other-versions')}"
+            )
     if not place.exists():
         place.install(make)
     with place.lock(tell):
@@ -123,7 +128,7 @@ def open_store(
         yield Store(place, task)
 
 
-def _mend(place: AbstractPlace, make: Callable[[str], None], tell: Tell) -> None:
+def _mend(place: Place, make: Callable[[str], None], tell: Tell) -> None:
     """Write damaged files again that are written only once; the study determines them."""
     with tempfile.TemporaryDirectory() as work:
         make(f"{work}/store")
@@ -139,7 +144,7 @@ def _mend(place: AbstractPlace, make: Callable[[str], None], tell: Tell) -> None
         tell(f"mended: {', '.join(damaged)}")
 
 
-def attributes(place: AbstractPlace) -> dict[str, Any]:
+def attributes(place: Place) -> dict[str, Any]:
     """Return the attributes of a store.
 
     Raises
@@ -170,7 +175,7 @@ def attributes(place: AbstractPlace) -> dict[str, Any]:
     return found
 
 
-def refuse_other(place: AbstractPlace, description: Mapping[str, object]) -> None:
+def refuse_other(place: Place, description: Mapping[str, object]) -> None:
     """Raise `InputError` with the differences if a store belongs to another study."""
     kept = json.loads(attributes(place)["study"])
     differing = sorted(_differences(kept, json.loads(json.dumps(description)), ""))
@@ -195,23 +200,12 @@ def _differences(a: object, b: object, name: str) -> Iterator[str]:
         yield name
 
 
-def refuse_other_versions(place: AbstractPlace) -> None:
-    """Raise `InputError` if a store was begun with other code or packages."""
-    changed = changed_versions(place)
-    if changed:
-        raise InputError(
-            f"{place.shown} was begun with other versions: {', '.join(changed)}; the study would"
-            f" mix results of both: give another with {option('out')}, or continue nevertheless"
-            f" with {option('other-versions')}"
-        )
-
-
-def changed_versions(place: AbstractPlace) -> list[str]:
+def changed_versions(place: Place) -> list[str]:
     """Return the versions that have changed since the store was begun."""
     return other_versions(attributes(place).get("versions", {}), versions())
 
 
-def verify(place: AbstractPlace) -> None:
+def verify(place: Place) -> None:
     """Raise `InputError` if a file of a store is missing or damaged."""
     again = "run the same command again, which computes the damaged parts"
     damaged = damaged_files(place)
@@ -227,7 +221,7 @@ def verify(place: AbstractPlace) -> None:
         )
 
 
-def error_texts(place: AbstractPlace) -> dict[str, int]:
+def error_texts(place: Place) -> dict[str, int]:
     """Return the errors of failed members with their counts, the most frequent first."""
     found: Counter[str] = Counter()
     for number in place.names(ERRORS):
