@@ -80,7 +80,8 @@ def _axis(about: Quantity, kind: str, axis: Table, where: str) -> Axis:
     if kind == "values":
         if len(set(numbers)) < len(numbers):
             raise InputError(f"{place}: a value is given twice")
-        return values(name, numbers, **labels)
+        with placed(place):
+            return values(name, numbers, **labels)
     if len(numbers) != 2:
         raise InputError(f"{place}: {kind} takes two ends, not {len(numbers)} values")
     points = whole(axis, "points", place)
