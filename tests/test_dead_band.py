@@ -12,8 +12,8 @@ from command import assert_refused, run
 from jaxfric import find_gains, law_from_parameters
 from jaxfric.cli.folder import Folder
 from jaxfric.gains.verify import CheckReport
-from jaxfric.report import gains_json
-from jaxfric.report.gains_text import report
+from jaxfric.report import gains as gains_report
+from jaxfric.report.gains import report
 
 CURVE = "c0=1 N, c1=0 N*s/m, c2=2 N, c3=50 mm/s"
 JOINT = "c0=1 N m, c1=0 Nms/rad, c2=2 N m, c3=50 mrad/s"
@@ -38,7 +38,7 @@ def test_the_dead_band_is_static_friction_over_stiffness():
     assert found.dead_band == pytest.approx(STATIC / 600)
     told = next(line for line in report(found).lines if line.startswith("at rest"))
     assert "within 5 mm of the target" in told and "3 N over k_p" in told
-    assert gains_json.content(found)["at_rest"]["dead_band"] == pytest.approx(5e-3)
+    assert gains_report.content(found)["at_rest"]["dead_band"] == pytest.approx(5e-3)
 
 
 @pytest.mark.parametrize(("parameters", "unit"), [(CURVE, "1.5 kN/m"), (JOINT, "1.5 kN m/rad")])

@@ -20,8 +20,7 @@ from jaxfric.laws.registry import rate_state
 from jaxfric.laws.source import without_first
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.report.fit_text import rows, shown_name, summary
-from jaxfric.report.stability_json import content
-from jaxfric.report.stability_text import report
+from jaxfric.report.stability import content, report
 from jaxfric.stability.analysis import study, with_samples
 from jaxfric.units import prefixed
 

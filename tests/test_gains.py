@@ -29,7 +29,7 @@ from jaxfric.gains.scenarios import Scenarios
 from jaxfric.gains.solve import Infeasible, NoGains, make_region, solve
 from jaxfric.gains.verify import JumpSizes
 from jaxfric.laws.source import stack
-from jaxfric.report import gains_json
+from jaxfric.report import gains as gains_report
 from jaxfric.rig.friction import GaussianStribeck
 from jaxfric.saved.entry import seen_velocities
 
@@ -421,7 +421,7 @@ def test_what_a_fit_warned_of_goes_on_to_law_and_gains(tmp_path):
     said = ("the fit warned: stick-slip regime: A, B, L are suspect", "the fit warned: A is odd")
     assert source.warnings == said
     gains = find_gains(source, velocity=1e-6, mass=2.0, margin={"modulus": 0, "stiffness": 1.2})
-    assert gains.warnings[:2] == said == tuple(gains_json.content(gains)["warnings"][:2])
+    assert gains.warnings[:2] == said == tuple(gains_report.content(gains)["warnings"][:2])
     assert len(set(gains.warnings)) == len(gains.warnings)
     content["parameters"]["B"]["value"] = -0.006
     source = law_from_fit(written(tmp_path, content), normal_force=500.0, samples=0)

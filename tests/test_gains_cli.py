@@ -17,8 +17,8 @@ from jaxfric.gains.gains import _bounded, unresolved_warnings
 from jaxfric.gains.requirement import Requirement
 from jaxfric.gains.result import Certificate
 from jaxfric.gains.verify import CheckReport
-from jaxfric.report import gains_json
-from jaxfric.report.gains_text import certified, report, required
+from jaxfric.report import gains as gains_report
+from jaxfric.report.gains import certified, report, required
 
 LAW = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
 MACHINE = ("--mass", "2", "--velocity", "2 mm/s")
@@ -164,9 +164,9 @@ def test_where_damping_alone_does_not_do_it_is_told(monkeypatch):
     monkeypatch.setattr(gains_module, "largest_alone", lambda *_: (3.0, inf))
     none = dataclasses.replace(late, kp=float(late.region.lower[0]), kv=0.0)
     assert _bounded(none).largest == (3.0, inf)
-    assert gains_json.content(_bounded(none))["largest"] == {"kp": 3.0, "kv": None}
+    assert gains_report.content(_bounded(none))["largest"] == {"kp": 3.0, "kv": None}
     for other in (late, dataclasses.replace(none, kv=1.0), dataclasses.replace(none, delay=None)):
-        assert _bounded(other).largest is None and gains_json.content(other)["largest"] is None
+        assert _bounded(other).largest is None and gains_report.content(other)["largest"] is None
 
 
 @pytest.mark.long

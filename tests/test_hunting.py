@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 
 from jaxfric import check_gains, find_gains, law_from_parameters
 from jaxfric.laws.source import stack
-from jaxfric.report import gains_json
-from jaxfric.report.gains_text import report
+from jaxfric.report import gains as gains_report
+from jaxfric.report.gains import report
 
 STEEP = (10.0, 50.0, 5.0, 2e-3)
 """c0 [N], c1 [N s/m], c2 [N], c3 [m/s] of a law that falls much at low velocity."""
@@ -92,7 +92,7 @@ def test_a_slider_that_sticks_off_its_target_is_not_clear():
     assert not told.hunting.clear and told.hunting.amplitude is None
     assert amplitude < told.hunting.error < 2 * amplitude
     assert period > told.hunting.duration / 2
-    assert gains_json.content(told)["at_rest"]["hunting"]["clear"] is False
+    assert gains_report.content(told)["at_rest"]["hunting"]["clear"] is False
     assert any("not clear within" in line for line in report(told).lines)
 
 
@@ -105,7 +105,7 @@ def test_without_a_fall_of_friction_nothing_hunts():
 def test_a_linearly_unstable_controller_runs_away():
     """(k_v + 2) k_p < m k_i: Routh and Hurwitz."""
     seen = checked(400.0, 1.0, law(*EVEN), mass=1.0, integral=4e3).hunting
-    assert gains_json.hunting_entry(seen)["grows"]
+    assert gains_report.hunting_entry(seen)["grows"]
 
 
 def test_masses_and_samples_of_the_law_are_simulated():
@@ -123,4 +123,4 @@ def test_checked_gains_say_whether_they_hunt():
     told = check_gains(found(law(*FALLS), mass=1.0, lower=(400.0, None)))
     assert told.hunting.amplitude is not None and told.dead_band is None
     assert any(line.startswith("at rest it hunts about") for line in report(told).lines)
-    assert gains_json.content(told)["at_rest"]["hunting"]["period"] == told.hunting.period
+    assert gains_report.content(told)["at_rest"]["hunting"]["period"] == told.hunting.period

@@ -14,7 +14,7 @@ from command import assert_refused, run
 from jaxfric import find_gains, law_from_parameters
 from jaxfric.cli.folder import Folder
 from jaxfric.coordinate import agreed, unit_of
-from jaxfric.report.gains_text import report
+from jaxfric.report.gains import report
 from jaxfric.units import parse_quantity
 
 SLIDER = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")

@@ -16,7 +16,7 @@ from jaxfric.gains.frontier import GainTask, Region, largest_alone
 from jaxfric.gains.margins import slacks
 from jaxfric.gains.requirement import Requirement
 from jaxfric.gains.scenarios import Scenarios
-from jaxfric.report.stability_text import report
+from jaxfric.report.stability import report
 from jaxfric.stability.analysis import study
 from jaxfric.stability.kernel import DelayKernel, StateSpaceKernel
 from jaxfric.stability.linear import (

@@ -12,7 +12,7 @@ from jaxfric.errors import InputError
 from jaxfric.records import VelocitySteps, from_arrays, read, read_table
 from jaxfric.records.roles import SLIDER
 from jaxfric.records.thin import blur, thinned
-from jaxfric.report.record_text import describe
+from jaxfric.report.record import describe
 
 HEADER = "time [s],load_point_displacement [um],friction [1],normal_stress [MPa]"
 

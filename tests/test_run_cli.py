@@ -16,8 +16,7 @@ from fits.runs.generate import generate
 from jaxfric.fitting.derived import difference
 from jaxfric.fitting.stiffness import MachineStiffness
 from jaxfric.report.report import text_of
-from jaxfric.report.run_page import page
-from jaxfric.report.run_report import latex_text, report
+from jaxfric.report.run import latex_text, page, report
 from jaxfric.runs import Event, find_events
 from jaxfric.runs.cycles import StickSlip
 from jaxfric.runs.decisions import decisions_text, read_decisions

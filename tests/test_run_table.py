@@ -17,8 +17,7 @@ from jaxfric.findings import WarningCode, warned
 from jaxfric.fitting.misfit import misfit_warning, scatter
 from jaxfric.fitting.noise import Glitches
 from jaxfric.report.report import Report, print_brief, text_of
-from jaxfric.report.run_page import page
-from jaxfric.report.run_report import latex_text, report
+from jaxfric.report.run import latex_text, page, report
 from jaxfric.report.tables import TextTable
 from jaxfric.runs import Event
 from jaxfric.runs.findings import Findings

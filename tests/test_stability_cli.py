@@ -32,7 +32,7 @@ from jaxfric.plot.gain_map import (
 )
 from jaxfric.plot.gains import end_map_figure, gains_figure
 from jaxfric.plot.style import new_figure, save
-from jaxfric.report.gains_text import report as report_of
+from jaxfric.report.gains import report as report_of
 from jaxfric.units import prefixed
 
 SLIP = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")

@@ -12,7 +12,7 @@ from jaxfric.records import read, read_axis, read_steady, read_table
 from jaxfric.records.record import Record
 from jaxfric.records.registers import with_signs
 from jaxfric.records.table import Table
-from jaxfric.report.record_text import describe
+from jaxfric.report.record import describe
 
 ROWS = 40
 TIME = 0.25 * np.arange(ROWS)

@@ -2,6 +2,7 @@
 
 import contextlib
 import gc
+import importlib
 import io
 import logging
 import os
@@ -13,22 +14,10 @@ import cyclopts
 
 from ..errors import InputError, words_of_the_command
 from ..report.version import installed_version
-from .axis import axis
 from .call import calling
 from .common import warn
-from .feedforward import feedforward
-from .fit import fit
-from .gains import gains
 from .help import ALL, FLAGS, first_sentence, print_first
-from .inspect import inspect
-from .loop import loop
-from .predict import predict
-from .protocol import protocol
 from .renamed import in_new_words
-from .run import run
-from .simulate import simulate
-from .stability import stability
-from .study import study
 from .told import telling
 
 CODES = {
@@ -57,21 +46,12 @@ app = cyclopts.App(
     help_flags=FLAGS,
     suppress_keyboard_interrupt=False,
 )
-_VERBS = (
-    inspect,
-    fit,
-    run,
-    loop,
-    axis,
-    predict,
-    feedforward,
-    protocol,
-    gains,
-    stability,
-    simulate,
-    study,
+_NAMES = (
+    *("inspect", "fit", "run", "loop", "axis", "predict"),
+    *("feedforward", "protocol", "gains", "stability", "simulate", "study"),
 )
-_NAMES = {verb.__name__ for verb in _VERBS}
+_VERBS = [getattr(importlib.import_module(f".{name}", __package__), name) for name in _NAMES]
+"""The function of each verb, from the file of its name, in the order of the help."""
 for verb in _VERBS:
     app.command(verb, help_epilogue="")
 app.register_install_completion_command(

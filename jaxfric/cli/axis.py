@@ -1,19 +1,17 @@
 """`jaxfric axis`: friction of a servo axis, other effects, and damping that prevents stick-slip."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import Annotated
+
+import jaxfric
 
 from ..units import parse_quantity
 from . import options
 from .common import prepare_jax, refuse_unused, warn
-from .folder import Folder, choose_folder, input_name
+from .folder import choose_folder, input_name
 from .loop import save_loop, tell_loop
 from .told import doing
-
-if TYPE_CHECKING:
-    from ..fitting.axis_preparation import Preparation
-    from ..records import AxisRecord
-    from ..records.steady import SteadyCurve
 
 
 @options.FLAT
@@ -54,64 +52,54 @@ def axis(
     if file.is_dir():
         unused = (*options.OF_LOOPS, "zero_order_hold", "cutoff", "max_effects")
         refuse_unused(f"{file}, a folder of runs at steady speeds", *unused)
-        curve = axis.steady(file, reading)
-        folder = choose_folder(output, input_name(file), file)
-        return _close_steady(curve, folder, effects, output)
+        return _close_steady(file, axis, reading, effects, output)
     record = axis.axis(file, reading)
     if not output.json:
         warn(record.provenance.notes, "note")
     prepare_jax()
-    from ..axis import close_axis_loop
-
     folder = choose_folder(output, file.stem, file)
-    result = close_axis_loop(
+    preparation = None
+    if axis.cutoff is not None:
+        import numpy as np
+
+        from ..fitting.axis_preparation import usual
+
+        interval = float(np.median(np.diff(record.time)))
+        preparation = usual(interval, parse_quantity(axis.cutoff, "Hz", "--cutoff"))
+    result = jaxfric.close_axis_loop(
         record,
         include=effects.include,
         exclude=effects.exclude,
         max_effects=effects.max_effects,
         zero_order_hold=axis.zero_order_hold or None,
-        preparation=_filtered(record, axis.cutoff),
+        preparation=preparation,
         progress=doing,
     )
     save_loop(result, folder)
     return tell_loop(result, folder)
 
 
-def _filtered(record: "AxisRecord", cutoff: str | None) -> "Preparation | None":
-    """Return the default preparation of an axis record with the cutoff of --cutoff."""
-    if cutoff is None:
-        return None
-    import numpy as np
-
-    from ..fitting.axis_preparation import usual
-
-    interval = float(np.median(np.diff(record.time)))
-    return usual(interval, parse_quantity(cutoff, "Hz", "--cutoff"))
-
-
 def _close_steady(
-    curve: "SteadyCurve",
-    folder: Folder,
+    file: Path,
+    axis: options.AxisOptions,
+    reading: options.RecordOptions,
     effects: options.EffectOptions,
     output: options.OutputOptions,
 ) -> int:
-    """Run the loop on the friction curve of steady runs; write and print the result.
-
-    The function returns the exit code.
-    """
-    from ..loop.steady.loop import close_steady_loop
+    """Run the loop on a folder of steady runs; write and print the result; return the exit code."""
+    curve = axis.steady(file, reading)
+    folder = choose_folder(output, input_name(file), file)
+    prepare_jax()
     from ..loop.steady.noise import steady_noise
-    from ..plot.steady import noise_figure, steady_figure
+    from ..plot.steady import noise_figure
     from ..report.steady_text import report, to_json
 
     doing("fitting the curve of friction over velocity")
-    result = close_steady_loop(curve, include=effects.include, exclude=effects.exclude)
-    prepare_jax()
+    result = jaxfric.close_steady_loop(curve, include=effects.include, exclude=effects.exclude)
     doing("estimating the noise of the runs")
     noise = steady_noise(curve)
     folder.save_json("steady.json", to_json(result, noise))
-    doing("drawing the figures")
-    folder.draw_figure("curve", lambda: steady_figure(result))
+    folder.draw_figure("curve", result.plot)
     if noise is not None:
         folder.draw_figure("noise", lambda: noise_figure(curve, noise))
     code = folder.finish(report(result, noise))

@@ -6,6 +6,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+import jaxfric
+
 from . import options
 from .call import current_call
 from .common import prepare_jax, warn
@@ -47,14 +49,12 @@ def feedforward(
     """
     prepare_jax()
     from ..compensation import NothingToCompensate
-    from ..compensation import feedforward as run
     from ..compensation.spot import speeds
-    from ..plot.feedforward import feedforward_figure
     from ..report.feedforward_text import made_by, report, tex
 
     doing("computing the feedforward")
     try:
-        found = run(
+        found = jaxfric.feedforward(
             model,
             acceleration=how.acceleration,
             lag=how.lag,
@@ -70,6 +70,5 @@ def feedforward(
     texts = {"c": source, "csv": found.csv(), "tex": tex(found)}
     named = {f"feedforward.{kind}": text for kind, text in texts.items()}
     folder.save_json("feedforward.json", found.to_json(asked), named)
-    doing("drawing the figure")
-    folder.draw_figure("feedforward", lambda: feedforward_figure(found))
+    folder.draw_figure("feedforward", found.plot)
     return folder.finish(report(found, asked))

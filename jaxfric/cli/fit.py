@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+import jaxfric
+
 from ..errors import InputError
 from . import options
 from .call import current_call
@@ -17,7 +19,6 @@ from .posterior import PriorOptions
 from .told import doing
 
 if TYPE_CHECKING:
-    from ..fitting import Fit
     from ..posterior import Posterior
     from ..report.report import Report
 
@@ -79,7 +80,6 @@ def _fit_one(file: Path, fitter: Fitter, prior: PriorOptions, output: options.Ou
         warn([f"{why} converged there before; give another folder with --out"], "error")
         return 1
     posterior = prior.of(result)
-    doing("drawing the figure")
     _save(result, posterior, folder)
     code = folder.finish(_report(result, posterior))
     if result.converged:
@@ -102,21 +102,18 @@ def _has_converged(file: Path) -> bool:
         return False
 
 
-def _save(result: "Fit", posterior: "Posterior | None", folder: Folder) -> None:
-    from ..plot.fit import fit_figure
+def _save(result: "jaxfric.Fit", posterior: "Posterior | None", folder: Folder) -> None:
     from ..report.fits_table import TabledFit, files_of
 
     found = posterior if posterior is not None and posterior.found else None
     tables = files_of([TabledFit(Path(result.record.provenance.path).name, result)])
     folder.save_json("fit.json", result.to_json(), tables, found)
-    folder.draw_figure("the figure", lambda: fit_figure(result), "fit.png", "fit.svg")
+    folder.draw_figure("the figure", result.plot, "fit.png", "fit.svg")
     if found is not None:
-        from ..plot.posterior import posterior_figure
-
-        folder.draw_figure("posterior", lambda: posterior_figure(found))
+        folder.draw_figure("posterior", found.plot)
 
 
-def _report(result: "Fit", posterior: "Posterior | None") -> "Report":
+def _report(result: "jaxfric.Fit", posterior: "Posterior | None") -> "Report":
     """Return the report of the fit and its posterior; the short table is that of a posterior that
     converged, from its draws if there are any."""
     from ..views import report
@@ -142,13 +139,11 @@ def _compare(fitter: Fitter, laws: list[str] | None, output: options.OutputOptio
         )
     measured = fitter.read(file)
     prepare_jax()
-    from ..loop.compare import compare_laws
-    from ..plot.compared import comparison_figure
     from ..report.comparison import files_of
     from ..views import report
 
     folder = choose_folder(output, file.stem, file)
-    found = compare_laws(
+    found = jaxfric.compare_laws(
         measured,
         stiffness=stiffness,
         laws=effect_ids(laws, "--law") or None,
@@ -158,8 +153,7 @@ def _compare(fitter: Fitter, laws: list[str] | None, output: options.OutputOptio
         progress=doing,
     )
     folder.save_json("compare.json", found.to_json(), files_of(found))
-    doing("drawing the figure")
-    folder.draw_figure("compare", lambda: comparison_figure(found))
+    folder.draw_figure("compare", found.plot)
     told_of = report(found)
     if told_of.next_steps:
         line = loop_line(current_call(), found.of_laws[0].fit.law)

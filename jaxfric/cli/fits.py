@@ -3,7 +3,9 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
+
+import jaxfric
 
 from ..errors import InputError
 from . import options
@@ -12,9 +14,6 @@ from .folder import choose_folder, json_text
 from .options import OutputOptions
 from .told import doing
 
-if TYPE_CHECKING:
-    from ..fitting import Fit
-    from ..records import Record
 _MANY = 16
 """Number of files from which compiling a batched fit saves time."""
 _WEIGHTINGS = {"ols": "ordinary", "gls": "whitened"}
@@ -41,6 +40,11 @@ class FitOptions(options.ModelOptions):
     """Intervals from the profile likelihood (slower)."""
     downsample_to: options.DownsampleTo = None
 
+    def of_any(self) -> dict[str, Any]:
+        """Return the options that a fit of one record and a fit of many records have."""
+        given = {"steps": self.steps, "reference_velocity": self.reference_velocity}
+        return self.model() | given
+
     @property
     def of_one(self) -> bool:
         """Whether the call has an option that the batched fit of many records does not support."""
@@ -52,26 +56,25 @@ class Fitter(NamedTuple):
     """Settings to read and fit several records, with a stiffness, mass and law for each file."""
 
     files: Sequence[Path]
-    read: "Callable[[Path], Record]"
+    read: "Callable[[Path], jaxfric.Record]"
     stiffnesses: Sequence[str | None]
     masses: Sequence[str | None]
     laws: Sequence[str]
     how: FitOptions
 
-    def one(self, number: int, record: "Record", say: Callable[[str], None]) -> "Fit":
+    def one(
+        self, number: int, record: "jaxfric.Record", say: Callable[[str], None]
+    ) -> "jaxfric.Fit":
         """Fit the record of file `number`."""
-        from ..fitting import fit as run
         from ..fitting.typed import typed_parameters
 
         how = self.how
-        return run(
+        return jaxfric.fit(
             record,
             stiffness=self.stiffnesses[number],
             mass=self.masses[number],
             law=self.laws[number],
-            **how.model(),
-            steps=how.steps,
-            reference_velocity=how.reference_velocity,
+            **how.of_any(),
             start=None if how.start is None else typed_parameters(how.start, record.friction_unit),
             weighting=_WEIGHTINGS[how.weighting],
             profile=how.profile,
@@ -79,7 +82,7 @@ class Fitter(NamedTuple):
             progress=say,
         )
 
-    def together(self, records: "dict[int, Record]") -> "dict[int, Fit | str]":
+    def together(self, records: "dict[int, jaxfric.Record]") -> "dict[int, jaxfric.Fit | str]":
         """Fit the records, by number of file, in one batch; for a failed fit return the reason."""
         from ..fitting.many import fit_what_can_be
 
@@ -88,9 +91,7 @@ class Fitter(NamedTuple):
             [self.stiffnesses[k] for k in records],
             [self.masses[k] for k in records],
             [self.laws[k] for k in records],
-            **self.how.model(),
-            steps=self.how.steps,
-            reference_velocity=self.how.reference_velocity,
+            **self.how.of_any(),
             progress=doing,
         )
         return dict(zip(records, fits, strict=True))
@@ -117,7 +118,6 @@ def fit_files(fitter: Fitter, output: OutputOptions) -> int:
     Raises `InputError` before any fit if a file does not exist. Raises `InputError` without writing
     anything if no file can be fitted.
     """
-    from ..plot.fit import fit_figure
     from ..report.fits_table import TabledFit, content_of_files, files_of, report_of_files
 
     files = fitter.files
@@ -127,8 +127,8 @@ def fit_files(fitter: Fitter, output: OutputOptions) -> int:
 
     folder = choose_folder(output, f"{files[0].stem}-and-{len(files) - 1}-more", *files)
     many = len(files) >= _MANY and not fitter.how.of_one
-    ends: dict[int, Fit | str] = {}
-    read: dict[int, Record] = {}
+    ends: dict[int, jaxfric.Fit | str] = {}
+    read: dict[int, jaxfric.Record] = {}
     for number, file in enumerate(files):
         of = f"file {number + 1} of {len(files)}, {file.name}"
         try:
@@ -153,9 +153,7 @@ def fit_files(fitter: Fitter, output: OutputOptions) -> int:
     texts = {f"{name}.json": json_text(fit.to_json()) + "\n" for name, fit in fits}
     folder.save_json("fits.json", content_of_files(found), files_of(found) | texts)
     for name, fit in fits:
-        doing(f"drawing {name}")
-        what, draw = f"the figure of {name}", lambda fit=fit: fit_figure(fit)
-        folder.draw_figure(what, draw, f"{name}.png")
+        folder.draw_figure(f"the figure of {name}", fit.plot, f"{name}.png")
     code = folder.finish(report_of_files(found))
     failed = [one for one in found if not one.known]
     names = ("" if one.result.startswith(one.name) else f"{one.name}: " for one in failed)

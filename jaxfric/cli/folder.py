@@ -23,7 +23,7 @@ from ..schemas import FOLDER
 from .call import Call, current_call, made_by
 from .common import warn
 from .shown import OutputOptions, show
-from .told import pause
+from .told import doing, pause
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -191,6 +191,7 @@ class Folder:
         `drawing` is a function that writes into the folder that it is given. The method returns the
         names of the new files.
         """
+        doing("drawing figures")
         try:
             return self._add(drawing)
         except KeyboardInterrupt:
@@ -225,6 +226,11 @@ class Folder:
             (to / name).write_text(page(pictures), encoding="utf-8")
 
         self.draw(name, write)
+
+    @property
+    def paths(self) -> list[str]:
+        """Paths of the files written by this run."""
+        return [str(self.path / name) for name in self.files]
 
     @property
     def written(self) -> str:

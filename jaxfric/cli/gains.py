@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, validators
 
+import jaxfric
+
 from ..errors import InputError
 from ..stability.margin_table import named_with_units
 from . import options
@@ -102,13 +104,10 @@ def gains(
     given = OfMotion(source.coordinate, target, velocity=velocity, mass=mass)
     velocities, masses = np.asarray(given.values("--velocity")), given.values("--mass")
     sampled, delay = late.read()
-    from ..gains import check_gains, find_gains
-    from ..plot.gains import gains_figure
-    from ..report import gains_json
-    from ..report.gains_text import report
+    from ..report.gains import content, report
 
     folder = law.folder(output)
-    result = find_gains(
+    result = jaxfric.find_gains(
         source,
         velocity=velocities,
         mass=np.asarray(masses) if masses else None,
@@ -125,12 +124,11 @@ def gains(
     )
     if simulated.check:
         say = lambda text: doing(f"{text} (2 of 3)")  # noqa: E731
-        result = check_gains(result, basin=simulated.basin, progress=say)
-    folder.save_json("gains.json", gains_json.content(result))
+        result = jaxfric.check_gains(result, basin=simulated.basin, progress=say)
+    folder.save_json("gains.json", content(result))
     new = tuple(line for line in result.warnings if line not in source.warnings)
     folder.answer(report(result)._replace(warnings=new))
-    doing("drawing figures (3 of 3)")
-    folder.draw_figure("gains", lambda: gains_figure(result))
+    folder.draw_figure("gains", result.plot)
     if simulated.map_:
         folder.draw_figure("end_map", lambda: _end_map(result))
     return folder.end() or int(bool(result.unsafe))

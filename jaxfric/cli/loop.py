@@ -1,9 +1,11 @@
 """`jaxfric loop`: find the effect that a model of a slider's record lacks."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
+
+import jaxfric
 
 from ..errors import InputError
 from . import options
@@ -11,9 +13,6 @@ from .call import current_call
 from .common import prepare_jax
 from .folder import Folder, choose_folder
 from .told import doing
-
-if TYPE_CHECKING:
-    from ..loop import Loop
 
 
 def loop(
@@ -62,9 +61,7 @@ def loop(
         machine = MachineStiffness.parse(stiffness, record.friction_unit)
         record, found = decided_events(record, events, machine)
     prepare_jax()
-    from ..loop import close_loop
-
-    result = close_loop(
+    result = jaxfric.close_loop(
         record,
         stiffness=stiffness,
         law=law,
@@ -80,7 +77,7 @@ def loop(
     return tell_loop(result, folder)
 
 
-def save_loop(result: "Loop", folder: Folder) -> None:
+def save_loop(result: "jaxfric.Loop", folder: Folder) -> None:
     """Write loop.json, the figures and the page.
 
     The page loop.html shows the figures that could be drawn.
@@ -89,14 +86,13 @@ def save_loop(result: "Loop", folder: Folder) -> None:
     from ..report.loop_page import page
 
     folder.save_json("loop.json", result.to_json())
-    doing("drawing figures")
     for name, figure in FIGURES.items():
         folder.draw_figure(name, lambda figure=figure: figure(result))
     command = current_call().command
     folder.draw_page("loop.html", ".svg", lambda drawn: page(result, drawn, command=command))
 
 
-def tell_loop(result: "Loop", folder: Folder) -> int:
+def tell_loop(result: "jaxfric.Loop", folder: Folder) -> int:
     """Print the answer and return the exit code: 1 if the verdict is withheld."""
     from ..findings import Severity  # only here: the command begins without NumPy
     from ..report.loop_report import report

@@ -5,6 +5,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+import jaxfric
+
 from . import options
 from .common import prepare_jax, refuse_unused
 from .folder import choose_folder, source_name
@@ -34,8 +36,8 @@ def predict(
     ./RECORD-by-MODEL-predict/.
     """
     prepare_jax()
-    from ..prediction import predict as run
     from ..prediction.model import load_model
+    from ..views import report
 
     saved = load_model(model)
     of_an_axis = (*options.OF_SIGNALS, *options.OF_LOOPS, "zero_order_hold")
@@ -44,7 +46,7 @@ def predict(
     refuse_unused(f"{model}, a model of {kind}", *unused)
     measured = axis.axis(record, reading) if saved.is_axis else reading.read(record)
     folder = choose_folder(output, f"{record.stem}-by-{source_name(model)}", record, model)
-    result = run(
+    result = jaxfric.predict(
         model,
         measured,
         stiffness=stiffness,
@@ -53,11 +55,6 @@ def predict(
         zero_order_hold=axis.zero_order_hold or None,
         progress=doing,
     )
-    doing("drawing figures")
-    from ..plot.prediction import prediction_figure
-
     folder.save_json("prediction.json", result.to_json())
-    folder.draw_figure("prediction", lambda: prediction_figure(result))
-    from ..views import report
-
+    folder.draw_figure("prediction", result.plot)
     return folder.finish(report(result))

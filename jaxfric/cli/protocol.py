@@ -86,7 +86,6 @@ def protocol(
     asked = _pair_of(how.distinguish)
     declared, excluded = effects.include, effects.exclude
     prepare_jax()
-    from ..plot.aliasing import protocol_figure
     from ..protocol.base import named_pair
     from ..protocol.plan import Planned, plan
     from ..protocol.remedy import Answer, answer_of
@@ -119,10 +118,8 @@ def protocol(
     found = dataclasses.replace(found, warnings=(*small, *base.warnings, *found.warnings))
     typical = model.from_ is None and model.parameters is None
     folder.save_json("protocol.json", found.to_json() | answer.to_json(line))
-    doing("drawing figures")
-    folder.draw_figure("aliasing", lambda: protocol_figure(found))
-    told_of = report(found, answer, typical=typical, command=line)
-    return folder.finish(told_of)
+    folder.draw_figure("aliasing", found.plot)
+    return folder.finish(report(found, answer, typical=typical, command=line))
 
 
 def _pair_of(ids: tuple[str, ...]) -> tuple[str, str] | None:

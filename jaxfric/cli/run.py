@@ -5,6 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import jaxfric
+
 from ..errors import InputError
 from . import options
 from .call import current_call
@@ -16,7 +18,6 @@ from .told import doing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..records import Record
     from ..runs import Event
     from ..runs.findings import Findings
     from ..runs.fits import HowFitted, RunFit
@@ -54,8 +55,7 @@ def run(
     is ./NAME-run/; options that differ from their default are part of the folder's name.
     """
     from ..fitting.stiffness import MachineStiffness
-    from ..report.run_page import page
-    from ..report.run_report import files_of, report
+    from ..report.run import files_of, page, report
     from ..runs.findings import content, findings_of
     from ..runs.fits import HowFitted, decided_events
     from ..runs.ramps import RAMPS, stiffness_from_ramps
@@ -80,7 +80,6 @@ def run(
     call = current_call()
     told_of = report(result, others, run_line(call))
     folder.answer(told_of)
-    doing("drawing figures")
     _draw_events(record, found, folder)
     _draw(result, others, folder)
     folder.draw_page(
@@ -92,7 +91,7 @@ def run(
 
 
 def _fitted(
-    record: "Record",
+    record: "jaxfric.Record",
     found: tuple["Event", ...],
     how: "HowFitted",
     folder: Folder,
@@ -111,7 +110,7 @@ def _fitted(
         raise
 
 
-def _draw_events(record: "Record", found: tuple["Event", ...], folder: Folder) -> None:
+def _draw_events(record: "jaxfric.Record", found: "tuple[Event, ...]", folder: Folder) -> None:
     from ..plot.run import events_figure
 
     figure = lambda: events_figure(record, found)  # noqa: E731
@@ -120,19 +119,18 @@ def _draw_events(record: "Record", found: tuple["Event", ...], folder: Folder) -
 
 def _draw(result: "RunFit", others: "Findings", folder: Folder) -> None:
     """Draw what was found: rates, holds, the step fits, stick-slip, steps of normal stress."""
-    from ..plot.fit import fit_figure
-    from ..plot.run import holds_figure, rates_figure
+    from ..plot.run import holds_figure
     from ..plot.run_others import stick_slip_figure, stress_steps_figure
 
     fits = [(step.number, step.fit) for step in result.steps if step.fit is not None]
     holds, teeth, stresses = others.holds, others.stick_slip, others.stress_steps
     figures: dict[str, Callable[[], Figure]] = {}
     if any(fit.converged and fit.A_minus_B.determined for _, fit in fits):
-        figures["rates"] = lambda: rates_figure(result)
+        figures["rates"] = result.plot
     if holds:
         figures["holds"] = lambda: holds_figure(result.record, holds)
     for number, fit in fits:
-        figures[f"step_{number:02d}"] = lambda fit=fit: fit_figure(fit)
+        figures[f"step_{number:02d}"] = fit.plot
     if teeth is not None and teeth.fits:
         figures["stick_slip"] = lambda: stick_slip_figure(teeth)
     if any(step.fit is not None for step in stresses):

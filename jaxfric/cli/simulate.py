@@ -75,7 +75,6 @@ def simulate(
         coordinate=given.coordinate,
         progress=doing,
     )
-    doing("drawing figures")
     from ..plot.cycle import FIGURES
 
     shown = _length_shown(velocity or steps or "", given.coordinate)
@@ -85,8 +84,7 @@ def simulate(
     folder.save({"trajectory.csv": trajectory_text(course.motion, made_by(), notes)})
     for name, figure in FIGURES.items():
         folder.draw_figure(name, lambda figure=figure: figure(course.motion))
-    files = [str(folder.path / name) for name in folder.files]
-    folder.content = json_text(content(course, source.text, width, files))
+    folder.content = json_text(content(course, source.text, width, folder.paths))
     return folder.finish(told_of)
 
 

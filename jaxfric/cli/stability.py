@@ -38,7 +38,7 @@ def stability(
     from ..stability.linear import controller_delay
 
     delay = controller_delay(*sampled)
-    doing("linear theory (1 of 2; then figures)")
+    doing("linear theory (then figures)")
     found = study(
         source.law,
         velocities,
@@ -53,10 +53,8 @@ def stability(
         found = with_samples(found, samples)
     from ..plot.delay import delay_figure
     from ..plot.stability import figures
-    from ..report.stability_json import content
-    from ..report.stability_text import report
+    from ..report.stability import content, report
 
-    doing("drawing figures (2 of 2)")
     known = content(found, source.text, (*source.warnings, *unseen))
     folder.save_json("stability.json", known)
     for name, figure in figures(found).items():

@@ -188,11 +188,9 @@ def _draw(store: str, output: options.OutputOptions) -> int:
     inputs = [] if "://" in store else [Path(store)]
     warn(found.attrs.get("warnings", ()))
     folder = choose_folder(replace(output, out=output.out or f"{name}-figures"), "", *inputs)
-    doing("drawing figures")
     folder.save({})
     names = folder.draw("figures", lambda to: draw_study(found, to))
     pictures = [name for name in names if name.endswith(".png")]
     written = f"written: {folder.path}/{', '.join(pictures)} (and .svg)" if names else ""
-    figures = [str(folder.path / name) for name in names]
-    folder.content = json_text({"store": store, "figures": figures})
+    folder.content = json_text({"store": store, "figures": folder.paths})
     return folder.finish(Report(), written)

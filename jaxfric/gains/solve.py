@@ -61,7 +61,7 @@ class Infeasible(NamedTuple):
     @property
     def text(self) -> str:
         """Sentences on the missed requirement, the worst scenario, and the remedy."""
-        return said("gains_text.infeasible", self)
+        return said("gains.infeasible", self)
 
 
 class NoGains(InputError):

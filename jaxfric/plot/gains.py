@@ -10,7 +10,7 @@ from ..gains.ends import ENDS
 from ..gains.margins import several_margins
 from ..gains.result import Gains
 from ..gains.scenarios import Scenarios
-from ..report.gains_text import report
+from ..report.gains import report
 from ..stability.analysis import needed_damping, theorem_over_damping
 from ..stability.margin_table import MARGINS
 from . import style

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..records.record import Provenance
-from .record_text import rows_used
+from .record import rows_used
 from .report import Report
 from .tables import TextTable, numeric
 from .version import installed_version

@@ -36,7 +36,7 @@ def _with_columns(record: "Record | AxisRecord", report: Report) -> Report:
 def record(record: "Record") -> Report:
     """Report columns, sampling and velocity steps of a record, as `jaxfric inspect` does."""
     from ..records import record_steps
-    from .record_text import report
+    from .record import report
 
     return _with_columns(record, report(record, record_steps(record)))
 
@@ -44,7 +44,7 @@ def record(record: "Record") -> Report:
 def axis_record(record: "AxisRecord") -> Report:
     """Report columns, sampling and strokes of an axis record, as `jaxfric inspect` does."""
     from ..records.strokes import find_strokes
-    from .record_text import report_axis
+    from .record import report_axis
 
     return _with_columns(record, report_axis(record, find_strokes(record)))
 
