@@ -85,6 +85,15 @@ class _Loader(importlib.machinery.SourceFileLoader):
         tree = ast.parse(self.get_data(path))
         return compile(coded(tree, fullname.partition(".")[2]), path, "exec")
 
+    def exec_module(self, module):
+        """Run a coded module; the templates of words.toml are codes, too."""
+        super().exec_module(module)
+        if module.__name__ == f"{PACKAGE}.report.words":
+            for name in ("TEMPLATES", "WARNINGS", "REASONS", "VARIABLE", "CHANGES"):
+                table = getattr(module, name)
+                told = {code for code, text in table.items() if _WORDS.search(text)}
+                table.update({code: f"{OPEN}{name}:{code}{CLOSE}" for code in told})
+
 
 def differences(plain: object, other: object, where: str = "") -> Iterator[str]:
     """Places where two JSON values differ, but for texts: where the other has a code as text the
