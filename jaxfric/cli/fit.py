@@ -13,7 +13,7 @@ from . import options
 from .call import current_call
 from .common import effect_ids, prepare_jax, refuse_unused, warn
 from .fits import FitOptions, Fitter, fit_files, for_each
-from .folder import Folder, choose_folder
+from .folder import choose_folder
 from .plan_line import loop_line
 from .posterior import PriorOptions
 from .told import doing
@@ -72,6 +72,8 @@ def fit(
 def _fit_one(file: Path, fitter: Fitter, prior: PriorOptions, output: options.OutputOptions) -> int:
     measured = fitter.read(file)
     prepare_jax()
+    from ..report.fits_table import TabledFit, files_of
+
     prior.check(fitter.laws[0], fitter.how, measured.friction_unit)
     folder = choose_folder(output, file.stem, file, prior.prior)
     result = fitter.one(0, measured, doing)
@@ -80,7 +82,12 @@ def _fit_one(file: Path, fitter: Fitter, prior: PriorOptions, output: options.Ou
         warn([f"{why} converged there before; give another folder with --out"], "error")
         return 1
     posterior = prior.of(result)
-    _save(result, posterior, folder)
+    found = posterior if posterior is not None and posterior.found else None
+    tables = files_of([TabledFit(Path(result.record.provenance.path).name, result)])
+    folder.save_json("fit.json", result.to_json(), tables, found)
+    folder.draw_figure("the figure", result.plot, "fit.png", "fit.svg")
+    if found is not None:
+        folder.draw_figure("posterior", found.plot)
     code = folder.finish(_report(result, posterior))
     if result.converged:
         return 1 if posterior is not None and posterior.warnings else code
@@ -100,17 +107,6 @@ def _has_converged(file: Path) -> bool:
         return json.loads(file.read_text()).get("converged") is True
     except (OSError, ValueError, AttributeError):
         return False
-
-
-def _save(result: "jaxfric.Fit", posterior: "Posterior | None", folder: Folder) -> None:
-    from ..report.fits_table import TabledFit, files_of
-
-    found = posterior if posterior is not None and posterior.found else None
-    tables = files_of([TabledFit(Path(result.record.provenance.path).name, result)])
-    folder.save_json("fit.json", result.to_json(), tables, found)
-    folder.draw_figure("the figure", result.plot, "fit.png", "fit.svg")
-    if found is not None:
-        folder.draw_figure("posterior", found.plot)
 
 
 def _report(result: "jaxfric.Fit", posterior: "Posterior | None") -> "Report":

@@ -3,12 +3,11 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..stability.analysis import Study
-from ..stability.delay import Crossings, crossings, is_stable
+from ..stability.delay import crossings, is_stable
 from ..stability.delay_analysis import delay_numbers
 from . import style
 from .palette import BLACK, BLUE, ORANGE
@@ -60,12 +59,8 @@ def _chart(axis: Axes, k_p: np.ndarray, y: np.ndarray, rig: tuple) -> list:
     columns = [x[:, None] if x.ndim else x for x in (damping, strength, delay)]
     stable = jax.jit(is_stable)(mass, jnp.asarray(k_p), *columns)
     squares = shade_stable(axis, k_p, y, np.asarray(stable))
-    damping, delay = jnp.broadcast_arrays(damping, delay)
-
-    def one(k_v: Float[Array, ""], alpha: Float[Array, ""]) -> Crossings:
-        return crossings(mass, k_v, strength, alpha, number=_BRANCHES)
-
-    found = jax.jit(jax.vmap(one))(damping, delay)
+    each = jax.vmap(lambda k_v, alpha: crossings(mass, k_v, strength, alpha, number=_BRANCHES))
+    found = jax.jit(each)(*jnp.broadcast_arrays(damping, delay))
     for branch, colour, line, text in (
         (found.plus_stiffness, BLUE, "-", "k_n+: two roots become stable"),
         (found.minus_stiffness, ORANGE, "--", "k_n−: two roots become unstable"),

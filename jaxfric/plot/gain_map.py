@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from ..gains.margins import slacks
 from ..gains.result import Gains, LocalOptimum, norm_text
 from ..gains.scenarios import Scenarios
+from ..report.gains import HELD_BY
 from ..stability.analysis import needed_damping, stability_map, theorem_over_damping
 from . import style
 from .palette import BLACK, MEETS, STABLE, UNSTABLE
@@ -23,7 +24,6 @@ _COLOURS = {
     "unstable somewhere": UNSTABLE,
 }
 _ALONE = {"stiff": ">", "damped": "^"}
-_MEANS = {"stiff": "stiffness", "damped": "damping"}
 
 
 def draw_gain_map(axis: Axes, result: Gains) -> list:
@@ -62,7 +62,7 @@ def draw_gain_map(axis: Axes, result: Gains) -> list:
 
 def _of(optimum: LocalOptimum) -> str:
     """Name in the legend of an optimum, or of gains that are none."""
-    what = f"optimum: {optimum.name}" if optimum.minimum else f"{_MEANS[optimum.name]} alone"
+    what = f"optimum: {optimum.name}" if optimum.minimum else f"{HELD_BY[optimum.name]} alone"
     return f"{what} (norm {norm_text(optimum.norm, 3)})"
 
 

@@ -11,6 +11,7 @@ from ..loop.result import LocationProfile, Loop
 from ..loop.thresholds import SIGNIFICANT
 from ..report.location_text import added_shares, share_text, shares_told, variable_words
 from ..report.loop_text import in_words, readable
+from ..report.words import TEMPLATES
 from ..units import p_text
 from . import style
 from .palette import BLUE, GREY, ORANGE
@@ -18,17 +19,6 @@ from .palette import BLUE, GREY, ORANGE
 _TINY = 0.01
 _LINE = 0.16
 """Height of a line of a sentence [inch]."""
-_VARIABLES = {
-    "slip": "slip since the first row",
-    "log_velocity": "velocity",
-    "state": "state less its steady value",
-    "since_reversal": "distance since the last stop",
-    "time": "time since the first row",
-    "time_since_step": "time since the last step",
-    "slip_since_step": "slip of relaxation after a step",
-    "periodic_in_slip": "wavelength of a ripple",
-}
-"""Names of the axes of variables, where they are not those of the catalogue."""
 
 
 # ---- shares ----------------------------------------------------------------------------------
@@ -79,7 +69,7 @@ def profiles_figure(loop: Loop) -> Figure:
 
 
 def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> None:
-    label = _VARIABLES.get(profile.variable, profile.variable)
+    label = TEMPLATES.get(f"along.{profile.variable}", profile.variable)
     x, unit = np.asarray(profile.centres, float), profile.unit
     if profile.variable == "log_velocity":  # ln V/V0
         x, unit = loop.base_fit.values()["V0"] * np.exp(x), "m/s"

@@ -297,11 +297,11 @@ def _poles(axis: Axes, s: np.ndarray, colour: str, label: str) -> None:
     axis.plot(np.real(s), np.imag(s), "x", color=colour, ms=7, mew=1.6, zorder=4, label=label)
 
 
-def delay_stiffness(found: Study, *, number: int = 3) -> float:
-    """A k_p [N/m] above the first `number` stable intervals, or above the first crossings."""
+def delay_stiffness(found: Study) -> float:
+    """A k_p [N/m] above the first three stable intervals, or above the first three crossings."""
     known = delay_summary(found)
-    plus = known.crossings.plus_stiffness[:number]
-    ends = [float(k) for k in (*known.upper[:number], *plus) if math.isfinite(k)]
+    plus = known.crossings.plus_stiffness[:3]
+    ends = [float(k) for k in (*known.upper[:3], *plus) if math.isfinite(k)]
     if found.k_p is not None:
         ends.append(1.3 * found.k_p)
     mass, _, _, delay = delay_numbers(found)

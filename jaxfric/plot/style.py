@@ -282,11 +282,11 @@ def samples(axis: Axes, x: np.ndarray, y: np.ndarray, label: str = "record", col
 
 def curve(
     axis: Axes, place: Along, y: np.ndarray, label: str | None = None, colour: str = BLUE,
-    style: str = "-", width: float = 1.0,
+    width: float = 1.0,
 ) -> None:  # fmt: skip
     """Draw values computed at the rows of a record as a line, broken at pauses of the recorder."""
     x, y = (np.insert(np.asarray(v, float), place.pauses, np.nan) for v in (place.x, y))
-    axis.plot(x, y, color=colour, lw=width, ls=style, label=label, zorder=2)
+    axis.plot(x, y, color=colour, lw=width, label=label, zorder=2)
 
 
 def bars(
@@ -425,7 +425,7 @@ def save(figure: Figure, folder: Path, name: str) -> list[str]:
     return names
 
 
-def write(figure: Figure, *paths: str | Path, dpi: float = DOTS) -> None:
+def write(figure: Figure, *paths: str | Path) -> None:
     """Write a figure to each of `paths`, as PNG, SVG or PDF by the path's ending.
 
     `Figure.savefig` would compute the layout of the figure again for each file. The layout takes as
@@ -433,9 +433,9 @@ def write(figure: Figure, *paths: str | Path, dpi: float = DOTS) -> None:
     """
     engine = figure.get_layout_engine()
     if engine is not None:
-        figure.set_dpi(dpi)
+        figure.set_dpi(DOTS)
         if figure.axes:
             engine.execute(figure)
         figure.set_layout_engine(None)
     for path in paths:
-        figure.savefig(str(path), dpi=dpi)
+        figure.savefig(str(path), dpi=DOTS)

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..gains.axis_result import AxisGains
 from ..units import format_si, prefix, prefixed
-from .words import capital
+from .words import capital, say
 
 
 def sentence(gains: AxisGains, force: str, speed: str) -> str:
@@ -21,16 +21,8 @@ def sentence(gains: AxisGains, force: str, speed: str) -> str:
     if claim.kind == "free":
         spare = prefixed(claim.spare, _per(force, speed, " s"))
         stiffness = prefixed(1e3 * claim.spare, _per(force, speed))
-        return (
-            f"{text} Any k_p > 0 holds the axis without damping, if the controller answers at once."
-            f" With a delay d, k_p must stay below ({spare})/d, {stiffness} at 1 ms. The least"
-            f" slope is {slope}."
-        )
-    return (
-        f"{text} This k_v covers two errors of the slope, {slope}; another shape of the curve may"
-        " be steeper. With a controller delay d, k_v must be larger by about k_p d, and well below"
-        " M/d."
-    )
+        return f"{text} {say('axis.free', spare=spare, stiffness=stiffness, slope=slope)}"
+    return f"{text} {say('axis.damped', slope=slope)}"
 
 
 def short(gains: AxisGains, force: str, speed: str) -> str:
@@ -41,12 +33,8 @@ def short(gains: AxisGains, force: str, speed: str) -> str:
     speeds = f"from {_speed(curve.slowest, speed)} to {_speed(curve.fastest, speed)}"
     if claim.kind == "free":
         return f"friction grows with speed {speeds} and causes no stick-slip there.{not_seen}"
-    text = (
-        f"friction falls with speed, most steeply at {_worst(gains, speed)}, so the axis may"
-        " stick-slip. The controller must add damping k_v above"
-        f" {prefixed(claim.damping, _per(force, speed, ' s'))} to prevent stick-slip at speeds"
-        f" {speeds}"
-    )
+    damping = prefixed(claim.damping, _per(force, speed, " s"))
+    text = say("axis.falls", worst=_worst(gains, speed), damping=damping, speeds=speeds)
     if gains.stiff is not None and 0 < gains.stiff.critical_stiffness < np.inf:
         stiffness = prefixed(gains.stiff.critical_stiffness, _per(force, speed))
         text += f", or stiffness k_p above {stiffness}"

@@ -13,7 +13,7 @@ from ..loop.family import listed
 from ..units import measured
 from .estimates import UNDETERMINED, bracketed
 from .tables import TextTable
-from .words import capital
+from .words import capital, say
 
 _APART, _FACTOR = 4.0, 1.5
 FRICTION = ("F_c", "F_v", "M")
@@ -52,11 +52,8 @@ def words_of_driven(directions: Sequence[Driven], force: str, speed: str) -> str
         return each
     (there, back), (error, other) = zip(*((o.force, o.error) for o in directions), strict=True)
     friction = _with_error((there + back) / 2, float(np.hypot(error, other)) / 2)
-    return (
-        f"{friction} {force} if it is equal in both directions, as the resistance includes a load"
-        f" of about {abs(there - back) / 2:.3g} {force}: {each}; subtract the known load, such as"
-        " pressure times area or a weight, from the recorded force"
-    )
+    load = abs(there - back) / 2
+    return say("axis.load", friction=friction, force=force, load=load, each=each)
 
 
 def _with_error(force: float, error: float) -> str:
@@ -105,16 +102,9 @@ def tables(details: AxisDetails) -> list[TextTable]:
     units = {"inverse dynamics": details.record.force_unit}
     rows.append(("rms", *(f"{fit.rms:.3g} {units.get(fit.method, unit)}" for fit in fits), ""))
     head = ("parameter", *(f"{when}: {fit.method}" for when, fit in details.fits), "the loop")
-    note = (
-        "SI. Inverse dynamics: relative to the prepared motor force; output error: relative to"
-        f" the position. Cutoff {details.preparation.cutoff:.3g} Hz, one row in"
-        f" {details.preparation.decimation}; the sign of the velocity is smoothed over"
-        f" {details.width:.2g} {unit}/s.{''.join(f' {capital(one)}.' for one in details.notes)}"
-        " Rows are all but those at rest, and the force acts at once, as in published fits. Rows"
-        " near a reversal may bias these fits: the sign of the velocity is uncertain there. The"
-        " loop's values are of its train block, with its noise; their errors include the"
-        " differences between rival models."
-    )
+    notes = "".join(f" {capital(one)}." for one in details.notes)
+    prepared = {"cutoff": details.preparation.cutoff, "every": details.preparation.decimation}
+    note = say("axis.fits", **prepared, width=details.width, unit=unit, notes=notes)
     return [TextTable("Fits over all rows", head, rows, note), gains_table(details)]
 
 

@@ -10,6 +10,7 @@ from ..schemas import COMPARISON
 from .fits_table import TabledFit, csv_rows, latex_text, text_table
 from .report import NextStep, Report
 from .tables import TextTable
+from .words import say
 
 _BIC, _HELD_OUT = "BIC above least", "held-out error [σ]"
 
@@ -60,18 +61,10 @@ def next_step(found: LawComparison) -> str:
     first = found.of_laws[0]
     tried = {score.states for score in found.ranked if score.fit.law == first.fit.law}
     if first.states == 1 or 1 not in tried:
-        if not (left := _misfit(found)):
-            return ""
-        return (
-            f"jaxfric loop asks what these laws lack: the likeliest leaves {left:.2g} times the"
-            " scatter of neighbouring rows."
-        )
+        left = _misfit(found)
+        return say("comparison.misfit", left=left) if left else ""
     law = "" if first.fit.law == "slip" else f" --law {first.fit.law}"
-    return (
-        f"jaxfric loop{law} on this record may say otherwise of the second state: it fits a"
-        " part of the rows, which must fix what it adds, and asks effects besides these laws."
-        " Where it does not name second_state alone, longer steps, up and down, decide."
-    )
+    return say("comparison.second_state", law=law)
 
 
 def warnings(found: LawComparison) -> tuple[str, ...]:
@@ -79,15 +72,9 @@ def warnings(found: LawComparison) -> tuple[str, ...]:
     unfitted = [score for score in found.scores if score.bic is None]
     told = [f"{score.name}: could not be fitted ({score.fit.result})" for score in unfitted]
     if left := _misfit(found):
-        told.append(
-            f"even the likeliest law, {found.ranked[0].name}, leaves {left:.2g} times the scatter"
-            " of neighbouring rows: none of these laws may be right; jaxfric loop asks what lacks"
-        )
+        told.append(say("comparison.all_misfit", law=found.ranked[0].name, left=left))
     if found.unasked:
-        told.append(
-            f"no step was held out: {found.unasked}; the comparison rests on the noise that is"
-            " estimated from these rows, and more rows before or after a step may say otherwise"
-        )
+        told.append(say("comparison.no_step_held_out", why=found.unasked))
     return (*found.own_warnings, *told)
 
 
@@ -118,11 +105,8 @@ def _untold(found: LawComparison) -> str:
     if not rival.settled:
         return f"{words} The fit of the {_law(rival)} {ended(found, rival)}; it may be as good."
     one, other = (found.best_of(score.fit.law) for score in (first, rival))
-    return (
-        f"{words} BIC prefers the {_law(one)} to the {_law(other)} by {amount(other.over(one))}"
-        f" ({ACCEPT:g} decide, unless the other law predicts better what was held out); larger"
-        " velocity steps, up and down, and holds tell friction laws apart."
-    )
+    values = {"one": _law(one), "other": _law(other), "by": amount(other.over(one))}
+    return f"{words} {say('comparison.too_close', accept=ACCEPT, **values)}"
 
 
 def _second_state(found: LawComparison, first: LawScore) -> str:
@@ -190,11 +174,7 @@ def _table(found: LawComparison) -> TextTable:
     shown = text_table(tabled(found), "law", title)
     if found.unasked:
         return shown
-    second = (
-        "held-out error: of a second fit, by likelihood, to the other steps alone, so not of the"
-        " values shown"
-    )
-    return shown._replace(note=f"{shown.note}; {second}")
+    return shown._replace(note=f"{shown.note}; {say('comparison.held_out_error')}")
 
 
 def files_of(found: LawComparison) -> dict[str, str]:

@@ -12,14 +12,7 @@ from ..schemas import SIMULATION
 from ..simulation import RESULTS
 from ..units import factor, format_si
 from .report import Report
-from .words import amount, machine
-
-_ENDS = {
-    "steady": "steady sliding, or ever closer to it",
-    "limit_cycle": "oscillation (stick-slip limit cycle, or still growing)",
-    "escape": f"escape, the slider became faster than {RUNAWAY:g} times the commanded velocity",
-    "unresolved": "not decided in this time; give a longer --duration",
-}
+from .words import amount, machine, say
 
 
 def report(course: Course, law: str, width: float | None, length: str) -> Report:
@@ -39,8 +32,10 @@ def report(course: Course, law: str, width: float | None, length: str) -> Report
     speeds = _speeds(motion.velocity.min(), motion.velocity.max(), length)
     notes.append(f"simulated: {reached}, {course.solver_steps} steps; slider {speeds}")
     notes += [f"ended early: {_why(course.result)}"] if early else []
-    end = f"end: {_ENDS[course.end]}{_cycle(course, length)}" if course.end else notes.pop()
-    return Report([end], notes=notes)
+    if not course.end:
+        return Report([notes.pop()], notes=notes)
+    end = say(f"end.{course.end}", most=RUNAWAY)
+    return Report([f"end: {end}{_cycle(course, length)}"], notes=notes)
 
 
 def content(
@@ -89,17 +84,11 @@ def _cycle(course: Course, length: str) -> str:
     cycle = course.cycle
     if cycle is None:
         return ""
-    amplitude = format_si(cycle.slip_amplitude, _unit(length), length, 5)
-    return (
-        f", period {cycle.period:.5g} s, slip amplitude {amplitude} (half the range of slip about"
-        f" steady sliding), {_speeds(cycle.least_velocity, cycle.largest_velocity, length)}"
-    )
+    amplitude = format_si(cycle.slip_amplitude, course.motion.unit("m"), length, 5)
+    speeds = _speeds(cycle.least_velocity, cycle.largest_velocity, length)
+    return say("end.cycle", period=cycle.period, amplitude=amplitude, speeds=speeds)
 
 
 def _speeds(slowest: float, fastest: float, length: str) -> str:
-    size = factor(length, _unit(length), "length")
+    size = 1.0 if length == "rad" else factor(length, "m", "length")
     return f"velocity {slowest / size:.4g} to {fastest / size:.4g} {length}/s"
-
-
-def _unit(length: str) -> str:
-    return "rad" if length == "rad" else "m"

@@ -121,9 +121,9 @@ def interval_cells(
     return mean, error, " to ".join(ends)
 
 
-def signed(value: float, places: int = 1) -> str:
+def signed(value: float) -> str:
     """A difference with its sign."""
-    return f"{value:+.{places}f}".replace("-", "−")
+    return f"{value:+.1f}".replace("-", "−")
 
 
 def shown_unit(estimate: Estimate, length: str) -> tuple[str, float]:

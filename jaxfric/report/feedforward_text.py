@@ -9,6 +9,7 @@ from ..compensation.spot import FrictionAt
 from .report import Report
 from .tables import TextTable
 from .version import installed_version
+from .words import say
 
 
 def tables(found: Feedforward) -> list[TextTable]:
@@ -43,24 +44,14 @@ def spoken(found: Feedforward, here: FrictionAt) -> str:
     """Friction at a speed in words, and how reliable the value is."""
     about, speed = found.about, f"{found.about.length}/s"
     unit = about.force_unit
-    middle = ", in the middle of the travel, without ripples and weight"
-    place = middle if uses_position(found.pieces) else ""
-    text = (
-        f"Friction at {here.speed:.4g} {speed}{place}: {here.forwards.text(unit)} forwards,"
-        f" {here.backwards.text(unit)} backwards; (forwards - backwards)/2 is"
-        f" {here.mean.text(unit)}{found.within(here)}"
-    )
+    ways = {name: getattr(here, name).text(unit) for name in ("forwards", "backwards", "mean")}
+    place = say("friction.middle") if uses_position(found.pieces) else ""
+    text = say("friction.at", at=here.speed, speed=speed, place=place, **ways) + found.within(here)
     if here.faded:
-        text += (
-            f". The compensation there is {here.given(unit)}: the sign fades to"
-            f" {100 * here.sign:.3g} %"
-        )
+        text += say("friction.faded", given=here.given(unit), sign=here.sign)
     if not here.supported:
-        text += (
-            f". This is a guess: the record supports the map from {about.slowest:.3g} to"
-            f" {about.fastest:.3g} {speed} alone"
-        )
-        text += "; above, the map keeps its last value" if here.speed > found.curve.held else ""
+        text += say("friction.guess", slowest=about.slowest, fastest=about.fastest, speed=speed)
+        text += say("friction.held") if here.speed > found.curve.held else ""
     return text
 
 

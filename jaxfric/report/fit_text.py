@@ -13,6 +13,7 @@ from ..units import format_si, read_as, with_unit
 from .estimates import ROCK_NAMES, STATE, Row, cells, friction_line, length_of
 from .report import Report
 from .tables import TextTable
+from .words import say
 
 
 def shown_name(name: str) -> str:
@@ -122,10 +123,7 @@ def _stability(fit: Fit, drift: Drift | None) -> list[str]:
     unit = f"{length_of(fit.record)}/s"
     low, high = (read_as(format_si(V, "m/s", unit, 3)) for V in (moving.min(), moving.max()))
     doubt = "; only if the model holds (see the warnings)" if drift or misfit_warning(fit) else ""
-    return [
-        "velocity strengthening (A > B by more than two standard errors): steady sliding is"
-        f" stable at any stiffness, from {low} to {high}{doubt}"
-    ]
+    return [say("fit.strengthening", low=low, high=high, doubt=doubt)]
 
 
 def _inertia(fit: Fit) -> str:

@@ -4,6 +4,7 @@ A-B is the first column, because the sign of A-B says whether steady sliding can
 row of a failed fit gives the reason of the failure in place of numbers.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import PurePath
 from typing import NamedTuple
@@ -194,14 +195,9 @@ def report_of_files(fits: Sequence[TabledFit]) -> Report:
     rates = [one.fit.A_minus_B for one in fits if one.fit is not None and one.known]
     line = f"{len(rates)} of {len(fits)} records fitted"
     if rates:
-        weak, strong = (sum(sign_of(rate) == sign for rate in rates) for sign in (-1, 1))
-        unknown = len(rates) - weak - strong
-        signs = {
-            "velocity weakening": weak,
-            "velocity strengthening": strong,
-            "of unknown sign": unknown,
-        }
-        told = ", ".join(f"{count} {sign}" for sign, count in signs.items() if count)
+        signs = Counter(map(sign_of, rates))
+        names = {-1: "velocity weakening", 1: "velocity strengthening", 0: "of unknown sign"}
+        told = ", ".join(f"{signs[sign]} {name}" for sign, name in names.items() if signs[sign])
         line += f": a - b {_range_of(rates)}; {told}"
     return Report([line], tables=[table], warnings=warnings)
 

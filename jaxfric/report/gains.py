@@ -19,9 +19,10 @@ from ..units import between, prefixed
 from .report import Report
 from .stability import UNITS
 from .tables import TextTable
-from .words import amount
+from .words import amount, say
 
-_HELD_BY = {"stiff": "stiffness", "damped": "damping"}
+HELD_BY = {"stiff": "stiffness", "damped": "damping"}
+"""What gains of `stiff` or `damped` optima hold the slider by."""
 
 
 def report(gains: Gains) -> Report:
@@ -55,10 +56,7 @@ def headline(gains: Gains) -> list[str]:
         told = f"stable at any gain, because friction damps the motion, {kp}"
     doubts = [f"NOT RECOMMENDED: {'; '.join(gains.unsafe)}"] if gains.unsafe else []
     if gains.fragile:
-        doubts.append(
-            f"fragile: modulus is {gains.margins['modulus'].value:.2g} (below {FRAGILE:g} a small"
-            " error of the model makes the loop unstable)"
-        )
+        doubts.append(say("gains.fragile", modulus=gains.margins["modulus"].value, least=FRAGILE))
     moving = [] if gains.hunting else _simulation(gains)[:1]
     last = "; ".join([*moving, *_at_rest(gains)])
     told += f" ({margins})" if margins else ""
@@ -105,28 +103,19 @@ def _at_rest(gains: Gains) -> list[str]:
         masses = " and ".join(amount(gains, mass, "kg") for mass in found.masses)
         laws = f", with {len(found.samples)} samples of the law" if len(found.samples) > 1 else ""
         at = f"(simulated at {masses}{laws})"
-        seen = f"within {found.duration:.3g} s {at}"
-        error = amount(gains, found.error, "m")
+        seen, error = f"within {found.duration:.3g} s {at}", amount(gains, found.error, "m")
         if not found.clear:
-            return [
-                f"at rest: not clear {seen} whether it hunts about the target, as it is still up to"
-                f" {error} off; test it on the machine"
-            ]
+            return [say("gains.not_clear", seen=seen, error=error)]
         if found.amplitude is None:
-            return [f"at rest: no hunting about the target seen {seen}"]
+            return [say("gains.no_hunting", seen=seen)]
         if found.period is None:
-            return ["at rest: simulated from rest its motion grows; lower k_i"]
-        return [
-            f"at rest it hunts about the target, by ±{amount(gains, found.amplitude, 'm')} with a"
-            f" period of {found.period:.3g} s {at}; lower k_i, or give the integral a"
-            " dead zone as large"
-        ]
+            return [say("gains.grows")]
+        size = amount(gains, found.amplitude, "m")
+        return [say("gains.hunts", size=size, period=found.period, at=at)]
     if gains.dead_band is None or gains.rest_friction is None:
         return []
-    return [
-        f"at rest it stops within {amount(gains, gains.dead_band, 'm')} of the target (static"
-        f" friction {amount(gains, gains.rest_friction, 'N')} over k_p; --accuracy bounds it)"
-    ]
+    band, friction = amount(gains, gains.dead_band, "m"), amount(gains, gains.rest_friction, "N")
+    return [say("gains.stops", band=band, friction=friction)]
 
 
 def required(what: Requirement) -> str:
@@ -174,7 +163,7 @@ def _optima(gains: Gains) -> TextTable:
 def _how(gains: Gains, one: LocalOptimum) -> str:
     if one.kv == 0 and gains.region.any_stiffness(one.kp):
         return "friction itself"
-    return _HELD_BY[one.name] + ("" if one.minimum else " alone")
+    return HELD_BY[one.name] + ("" if one.minimum else " alone")
 
 
 def _largest(gains: Gains) -> list[str]:
@@ -182,10 +171,8 @@ def _largest(gains: Gains) -> list[str]:
     if gains.largest is None:
         return []
     k_p, k_v = gains.largest
-    return [
-        f"larger gains meet the requirement, too: k_p up to {amount(gains, k_p, 'N/m', 3)} with"
-        f" k_v = 0, k_v up to {amount(gains, k_v, 'N s/m', 3)} with k_p near 0"
-    ]
+    k_p, k_v = amount(gains, k_p, "N/m", 3), amount(gains, k_v, "N s/m", 3)
+    return [say("gains.larger", k_p=k_p, k_v=k_v)]
 
 
 def _margins(gains: Gains) -> TextTable:
@@ -207,14 +194,13 @@ def _simulation(gains: Gains) -> list[str]:
     if checked is None:
         return ["not checked by simulation"]
     late = "" if gains.delay is None else " without the controller's delay"
-    text = f"simulated{late} from {checked.checked} starts: {checked.steady} end steady"
-    for count, name in (
-        (checked.limit_cycle, "in a limit cycle"),
-        (checked.escaped, "in escape"),
-        (checked.unresolved, "unresolved"),
-    ):
-        text += f", {count} {name}" if count else ""
-    lines = [text]
+    others = {
+        "in a limit cycle": checked.limit_cycle,
+        "in escape": checked.escaped,
+        "unresolved": checked.unresolved,
+    }
+    ends = [f"{checked.steady} end steady", *(f"{n} {name}" for name, n in others.items() if n)]
+    lines = [f"simulated{late} from {checked.checked} starts: {', '.join(ends)}"]
     lines += [
         f"  {start.start} at {amount(gains, start.scenario['velocity'], 'm/s', 3)}: {start.end}"
         for start in checked.starts

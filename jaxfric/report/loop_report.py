@@ -34,10 +34,6 @@ from .words import lower, say
 
 _WIDER = 1.5
 """Factor by which rival models widen an error, from which the report says so."""
-_TOO_FEW = (
-    "The record has too few velocity steps to hold out whole ones, so it was split by displacement"
-    " into before, transient and tail. Fewer effects can be distinguished."
-)
 
 
 def report(loop: Loop, *, file: str = "loop.json") -> Report:
@@ -47,9 +43,7 @@ def report(loop: Loop, *, file: str = "loop.json") -> Report:
     """
     parameters = moved(loop)
     if (times := _widened(loop)) > _WIDER:
-        # one line, or a terminal leaves it out
-        note = f"± includes rival models: up to {times:.0f} times the error of this model alone"
-        parameters = parameters._replace(note=f"{note}; shift: after minus before, in these errors")
+        parameters = parameters._replace(note=say("note.widened", times=times))
     tables = [
         parameters,
         significance(loop),
@@ -59,10 +53,10 @@ def report(loop: Loop, *, file: str = "loop.json") -> Report:
         rests_on(loop),
     ]
     lines = [f"{loop.verdict}: {loop.sentence}", *(f"  - {reason}" for reason in loop.reasons)]
-    lines += [] if loop.blocks.by_step else [_TOO_FEW]
+    lines += [] if loop.blocks.by_step else [say("note.too_few_steps")]
     return Report(
         first_lines(loop),
-        [table for table in tables if table.rows],
+        tables,
         lines,
         apart(loop),
         loop.warnings,

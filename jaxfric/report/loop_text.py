@@ -18,21 +18,8 @@ from .fit_text import DIFFERENCE, noise_text, shown_name
 from .location_text import variable_words
 from .tables import TextTable
 from .verdict_text import words_of, words_of_refusal
+from .words import say
 
-_BLOCKS = {
-    "train": "train: fitted",
-    "select": "select: validation, used to choose the model",
-    "report": "report: test, evaluated once",
-}
-_ROLES = {
-    "model": "final model",
-    "base": "base",
-    "passed": "intermediate",
-    "tried": "not accepted",
-    "impossible": "impossible parameters",
-    "failed": "did not converge",
-}
-"""Roles of a model in the search, by `Loop.role`."""
 _STEADY = (*STEADY_CURVES, Thermal.id)
 """Effects that change the steady friction of a slider at V0."""
 
@@ -46,14 +33,10 @@ def errors(loop: Loop) -> TextTable:
         both = [loop.before.rms[name], loop.after.rms[name]]
         of = loop.blocks.of(name)
         cells = [f"{size * v:.4g}" for v in both] + [f"{v / loop.sigma_of(of):.3f}" for v in both]
-        rows.append((_BLOCKS[name], str(int(of.sum())), *cells))
-    most = loop.held_out_threshold
-    note = (
-        f"σ, the noise of a row, is {', in rows held out '.join(sigma_texts(loop))}; a perfect"
-        f" model scores about 1 σ. Noise is {noise_text(loop.after.noise)}"
-    )
-    if math.isfinite(most):
-        note += f". The report block is consistent with noise up to {most:.2f} σ"
+        rows.append((say(f"block.{name}"), str(int(of.sum())), *cells))
+    most, sigma = loop.held_out_threshold, ", in rows held out ".join(sigma_texts(loop))
+    note = say("note.errors", sigma=sigma, noise=noise_text(loop.after.noise))
+    note += say("note.most", most=most) if math.isfinite(most) else ""
     head = ("block", "rows", f"rms before{within}", f"rms after{within}", "before [σ]", "after [σ]")
     return TextTable("Error before and after", head, rows, note, (2,))
 
@@ -67,11 +50,7 @@ def moved(loop: Loop) -> TextTable:
     rows = [_moved(loop, name, both[0].get(name), after) for name, after in both[1].items()]
     marked = tuple(k for k, row in enumerate(rows) if "." in row[0])
     head = ("name", "meaning", "before", "after ± std", "95 % interval", "shift [std]", "unit")
-    train = loop.blocks.train
-    note = (
-        f"fitted to {train.sum()} of {len(train)} rows (train block); shift: after minus before, in"
-        " standard deviations of the fit after"
-    )
+    note = say("note.moved", train=loop.blocks.train.sum(), rows=len(loop.blocks.train))
     return TextTable("Parameters", head, rows, note, marked)
 
 
@@ -118,10 +97,7 @@ def significance(loop: Loop) -> TextTable:
         rows.append(
             (variable_words(name), *(p.removeprefix("p ").removeprefix("= ") for p in both))
         )
-    note = (
-        f"p below {SIGNIFICANT:g}: structure remains, not only noise (likelihood-ratio tests on"
-        " the train block, corrected for their number; those of the figure location are not)"
-    )
+    note = say("note.significance", least=SIGNIFICANT)
     head = ("does structure remain in the residual?", "p before", "p after")
     return TextTable("Tests for structure", head, rows, note)
 
@@ -133,19 +109,15 @@ def candidates(loop: Loop) -> TextTable:
         (
             " + ".join(c.effects) or "base",
             signed(c.delta_bic) if math.isfinite(c.delta_bic) else "failed",
-            _finite(c.train_rms / loop.sigma, "{:.3f}"),
-            _finite(c.validation_rms / loop.sigma_of(loop.blocks.select), "{:.3f}"),
+            _finite(c.train_rms / loop.sigma),
+            _finite(c.validation_rms / loop.sigma_of(loop.blocks.select)),
             _role(loop, c),
         )
         for c in found
     ]
     head = ("effects", "ΔBIC", "train [σ]", "select [σ]", "")
     marked = tuple(k for k, c in enumerate(found) if loop.role(c) == "model")
-    note = (
-        "ΔBIC below 0: better than the base. An effect must lower it by more than"
-        f" {ACCEPT:g}; of equally good models the first is kept. It counts the fit of the train"
-        " rows and the prediction of the select rows"
-    )
+    note = say("note.candidates", accept=ACCEPT)
     return TextTable("Models that were fitted", head, rows, note, marked)
 
 
@@ -154,7 +126,7 @@ def _role(loop: Loop, candidate: CandidateScore) -> str:
     role, why = loop.role(candidate), candidate.rejection
     if role == "tried" and why is not None:
         return f"not accepted: {words_of_refusal(why)}"
-    return _ROLES[role]
+    return say(f"role.{role}")
 
 
 def rests_on(loop: Loop) -> TextTable:
@@ -168,12 +140,7 @@ def rests_on(loop: Loop) -> TextTable:
             told = words_of(one) if not k else ""
             rows.append((told, f"{part.rows}", part.direction, " to ".join(dict.fromkeys(ends))))
     head = ("statement", "rows", "direction", "speeds")
-    note = (
-        "Without these fitted rows the statement could not be made; loop.json has their times. Of"
-        " an effect they are the fewest whose"
-        f" loss brings the models with and without it within a BIC of {ACCEPT:g}. Directions and"
-        " speeds are those commanded, or those of the axis"
-    )
+    note = say("note.rests_on", accept=ACCEPT)
     return TextTable("What each statement rests on", head, rows, note)
 
 
@@ -212,5 +179,5 @@ def _speed(loop: Loop, velocity: float) -> str:
     return read_as(format_si(velocity, f"{loop.length_unit}/s", f"{length_of(loop.record)}/s", 4))
 
 
-def _finite(value: float, form: str) -> str:
-    return form.format(value) if np.isfinite(value) else "failed"
+def _finite(value: float) -> str:
+    return f"{value:.3f}" if np.isfinite(value) else "failed"

@@ -9,6 +9,7 @@ from .estimates import UNDETERMINED, Row, interval_cells
 from .fit_text import shown_name, unit_for
 from .report import Report
 from .tables import TextTable
+from .words import say
 
 
 def report(posterior: Posterior) -> Report:
@@ -65,10 +66,7 @@ def spread_rows(posterior: Posterior, spreads: Mapping[str, Spread]) -> dict[str
 def posterior_lines(posterior: Posterior) -> list[str]:
     """Lines on a posterior besides the table of its parameters."""
     held = f"noise is held at {posterior.noise}"
-    if posterior.whitened is not None:
-        held += (
-            "; rows are weighted by it, in the whitened fit too; the ordinary fit weighs all alike"
-        )
+    held += "" if posterior.whitened is None else say("fit.weighted")
     how = "Laplace approximation about the maximum"
     if posterior.draws is not None:
         chains, draws = posterior.draws.diverging.shape
@@ -88,10 +86,7 @@ def _reweighted(posterior: Posterior) -> list[str]:
     if not told:
         return []
     gls = either(option("weighting", "gls"), "weighting='whitened'")
-    return [
-        f"the ordinary fit has {', '.join(told)}: its difference to the whitened fit comes from"
-        f" how rows are weighted, not from a prior; {gls} makes that fit"
-    ]
+    return [say("fit.reweighted", told=", ".join(told), gls=gls)]
 
 
 def _fitted(one: Fitted, size: float) -> str:

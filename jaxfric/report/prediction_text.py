@@ -13,22 +13,15 @@ def report(found: Prediction) -> Report:
     """The sentence, the notes and the tables that `jaxfric predict` prints."""
     notes = [f"  - {note}" for note in found.notes]
     told = (found.sentence, *notes[:2])
-    return Report(told, [_errors(found), *_parameters(found)], notes[2:], warnings=found.warnings)
+    return Report(told, [_errors(found), _parameters(found)], notes[2:], warnings=found.warnings)
 
 
 def _errors(found: Prediction) -> TextTable:
     rows = []
     for c in found.comparisons:
         sigma = "" if c.in_sigma is None else f"{c.in_sigma:.2f}"
-        rows.append(
-            (
-                c.model,
-                c.method,
-                f"{100 * c.relative_error:.3g} %",
-                prefixed(c.rms, c.unit, 3),
-                sigma,
-            )
-        )
+        error = f"{100 * c.relative_error:.3g} %"
+        rows.append((c.model, c.method, error, prefixed(c.rms, c.unit, 3), sigma))
     of = "the recorded friction less its mean" if found.kind == "slider" else "what was recorded"
     note = f"relative error: |predicted - recorded|/|recorded|, of {of}. in sigma: rms over the"
     note += " noise of this record"
@@ -39,9 +32,7 @@ def _errors(found: Prediction) -> TextTable:
     return TextTable("Prediction", heads, rows, f"{note}. Mean square of the first row: {told}")
 
 
-def _parameters(found: Prediction) -> list[TextTable]:
-    if not found.shifts:
-        return []
+def _parameters(found: Prediction) -> TextTable:
     rows = []
     for shift in found.shifts:
         cells = ("", UNDETERMINED, "")
@@ -51,4 +42,4 @@ def _parameters(found: Prediction) -> list[TextTable]:
     marked = tuple(k for k, shift in enumerate(found.shifts) if abs(shift.in_sigma) > 3)
     heads = ("parameter (SI)", "model", "fitted here", "± of the difference", "in sigma")
     note = "fitted here: what a fit of the same model to this record alone would give; not used"
-    return [TextTable("Have the parameters changed?", heads, rows, note, marked)]
+    return TextTable("Have the parameters changed?", heads, rows, note, marked)

@@ -13,13 +13,8 @@ from ..units import duration, prefixed, with_unit
 from .estimates import shown_unit
 from .report import NextStep, Report
 from .tables import TextTable
+from .words import say
 
-_NOTE = (
-    "detected from: the effect's amplitude at which the likelihood ratio exceeds 10 + p ln n (p"
-    " parameters, n rows) in 19 of 20 records, for the shape of the effect that is easiest to"
-    " identify. This amplitude is computed to first order, with white noise, for the rows that"
-    " jaxfric loop would fit. The loop holds out the last velocities"
-)
 _NOTHING = Answer()
 _FIRST = 4
 
@@ -68,15 +63,9 @@ def answer(plan: Protocol, pair: Pair, better: Remedy | None = None) -> list[str
 def _answered(plan: Protocol, pair: Pair) -> str:
     base_last = sorted(pair.ids, key=lambda id: id == BASE)
     a, b = (f"the {plan.law} law" if id == BASE else id for id in base_last)
-    if pair.apart:
-        sizes = _from_sizes(plan.design, pair)
-        return f"yes: this plan distinguishes {a} from {b} if {sizes}"
-    if pair.needed:
-        return (
-            f"no: this plan would distinguish {a} from {b} only if"
-            f" {_from_sizes(plan.design, pair)},"
-            " and no effect is ten times as large as A and B of the base"
-        )
+    if pair.apart or pair.needed:
+        code = "apart" if pair.apart else "only_if"
+        return say(f"protocol.{code}", a=a, b=b, sizes=_from_sizes(plan.design, pair))
     if pair.cosine is None:
         unseen = [id for id in pair.ids if id in plan.design.unseen()]
         return f"no: this plan does not see {' and '.join(unseen)}, whatever the size"
@@ -113,11 +102,9 @@ def found_too_small(plan: Protocol, pair: Pair, known: Mapping[str, float]) -> l
 
     `known` holds known sizes of effects, in SI, by the name of the effect.
     """
-    return [
-        f"the {s.id} of the file, {_size(s, size)}, is smaller than what this plan needs"
-        f" ({_size(s, pair.sizes[s.id])}): of that size the answer is no"
-        for s, size in plan.design.too_small(pair, known)
-    ]
+    small = plan.design.too_small(pair, known)
+    sizes = [(s.id, _size(s, size), _size(s, pair.sizes[s.id])) for s, size in small]
+    return [say("protocol.small", id=id, size=size, needed=needed) for id, size, needed in sizes]
 
 
 def _counted(plan: Protocol) -> str:
@@ -173,7 +160,7 @@ def effects(plan: Protocol) -> TextTable:
             most = (np.delete(plan.design.ids, k)[other], f"{alike[other]:.3f}")
         rows.append((s.id, seen, _shape(s), *most))
     head = ("effect", "detected from", "with shape", "most alike", "|cosine|")
-    return TextTable("How large an effect must be to be named", head, rows, _NOTE)
+    return TextTable("How large an effect must be to be named", head, rows, say("note.detected"))
 
 
 def changes(plan: Protocol, best: Change | None) -> TextTable:

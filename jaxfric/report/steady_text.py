@@ -30,11 +30,6 @@ from .report import Report
 from .tables import TextTable
 from .words import capital, say
 
-_COUNTED = (
-    "runs that stick and slip count in the fit, since too few others remain: the fitted line is not"
-    " the friction of steady sliding"
-)
-
 
 def report(loop: SteadyLoop, noise: SteadyNoise | None = None) -> Report:
     """Report the verdict, the gains that follow from it, the models, and the noise if requested."""
@@ -57,19 +52,15 @@ def verdict(loop: SteadyLoop) -> str:
 
 def withheld(loop: SteadyLoop) -> tuple[str, ...]:
     """Say why the fit gives neither friction nor gains; empty if the fit gives both."""
-    own = {Doubt.WANDERS: wanders(loop.curve), Doubt.COUNTED: _COUNTED}
+    own = {Doubt.WANDERS: wanders(loop.curve), Doubt.COUNTED: say("steady.counted")}
     return tuple(own[one] if one in own else _drives(loop) for one in loop.doubts)
 
 
 def wanders(curve: SteadyCurve) -> str:
     """Say that the force drifts within the runs."""
     placed = bool(curve.rows) and all(rows.position is not None for rows in curve.rows)
-    return (
-        "the force changes along the runs as slowly as a weight or a spring changes it (a run is"
-        f" worth {np.median(curve.effective):.0f} independent samples). Friction cannot be"
-        " separated from such a load, and the errors of the means are unknown. Record"
-        f" {'longer runs' if placed else 'the position as well'}"
-    )
+    record = "longer runs" if placed else "the position as well"
+    return say("steady.wanders", worth=np.median(curve.effective), record=record)
 
 
 def _drives(loop: SteadyLoop) -> str:
@@ -79,10 +70,7 @@ def _drives(loop: SteadyLoop) -> str:
     assert found is not None
     speed, force, std = found
     where = "" if speed is None else f" at {speed:.3g} {shown}"
-    return (
-        f"the fitted friction is negative{where}, {measured(force / one, std / one)} {unit}: it"
-        " would drive the axis, so that the model is wrong"
-    )
+    return say("steady.drives", where=where, force=measured(force / one, std / one), unit=unit)
 
 
 def slips(curve: SteadyCurve, counted: bool) -> str:
@@ -91,12 +79,9 @@ def slips(curve: SteadyCurve, counted: bool) -> str:
     `counted` says whether the fit includes the runs that stick-slip.
     """
     unit = shown_units(curve)[1]
-    each = "; ".join(
-        f"at {one.speed:.3g} {unit} the axis rests {100 * one.at_rest:.0f} % of the time"
-        f" ({one.stops} stops) and moves at {one.moving_speed:.3g} {unit} between"
-        for one in sorted(curve.stick_slip, key=lambda one: abs(one.speed))
-    )
-    how = _COUNTED if counted else "these runs have no steady friction and are not fitted"
+    slow = sorted(curve.stick_slip, key=lambda one: abs(one.speed))
+    each = "; ".join(say("steady.rests", one=one, unit=unit) for one in slow)
+    how = say("steady.counted" if counted else "steady.not_counted")
     return f"Stick-slip: {each}; {how}."
 
 
@@ -109,11 +94,7 @@ def _loaded(curve: SteadyCurve, load: Load) -> str:
     else:
         slope = measured(load.values[0] / one, std / one)
         what = f"the position, {slope} {unit}/{shown.removesuffix('/s')}"
-    return (
-        f"The force changes with {what}, equally in both directions, like that of a weight or a"
-        " spring. This part is subtracted from the friction; F_0 contains its value in the middle"
-        " of the travel."
-    )
+    return say("steady.loaded", what=what)
 
 
 def _found(loop: SteadyLoop) -> str:
@@ -152,10 +133,7 @@ def noise_text(noise: SteadyNoise, curve: SteadyCurve) -> list[str]:
     """Describe the noise of the runs, and the number of independent samples in their rows."""
     lines = ["; ".join(noise_lines(noise.estimate, "the runs")), *turn_text(noise)]
     ends = [f"{x.min():.0f} to {x.max():.0f}" for x in (noise.effective, curve.effective)]
-    lines.append(
-        f"independent samples of a run: {ends[0]} by the noise of all runs, {ends[1]} by its own"
-        " rows; the errors of the means use the second number"
-    )
+    lines.append(say("steady.samples", all=ends[0], own=ends[1]))
     steps = step_words(noise.estimate.steps, noise.estimate.sigma, curve.provenance.path)
     return [*lines, *steps]
 
@@ -183,10 +161,6 @@ def tables(loop: SteadyLoop) -> list[TextTable]:
         for m in loop.candidates
     ]
     head = ("effects", f"rms [{unit}]", f"held out [{unit}]", f"spread [{unit}]", "ΔBIC", "")
-    note = (
-        "held out: error of predicting each run from a fit without this run and its neighbours in"
-        " speed. spread: differences between runs beyond the errors of their means"
-    )
     per = f"{unit}/({speed})"
     units = {"vs": speed, "n": "", "F_v": per, "d": per, "c": f"{per}^3"}
     shown = []
@@ -201,7 +175,7 @@ def tables(loop: SteadyLoop) -> list[TextTable]:
             shown.append((f"{load.effect}.{name}", text, text, f"{unit}{per}"))
     return [
         TextTable("Parameters", ("name", "before", "after", "unit"), shown),
-        TextTable("Models that were fitted", head, rows, note),
+        TextTable("Models that were fitted", head, rows, say("note.steady")),
     ]
 
 
