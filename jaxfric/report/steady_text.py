@@ -80,7 +80,7 @@ def slips(curve: SteadyCurve, counted: bool) -> str:
     """
     unit = shown_units(curve)[1]
     slow = sorted(curve.stick_slip, key=lambda one: abs(one.speed))
-    each = "; ".join(say("steady.rests", one=one, unit=unit) for one in slow)
+    each = "; ".join(say("steady.rests", unit=unit, **one._asdict()) for one in slow)
     how = say("steady.counted" if counted else "steady.not_counted")
     return f"Stick-slip: {each}; {how}."
 
