@@ -188,6 +188,12 @@ def test_a_trend_that_only_the_whole_record_shows_is_warned_of():
     (said,) = [text for text in fit.warnings if is_of(text, WarningCode.TREND)]
     refit = jf.fit(record, stiffness=K, slip_trend=True).A_minus_B
     assert abs(refit.value - truth) < 2 * refit.std
+    trend, own = jf.fit(record, stiffness=K, slip_trend=True).parameters["slip_trend"], fit.trended
+    assert own.change[0] == pytest.approx(trend.value, abs=0.3 * trend.std)
+    assert np.sqrt(own.covariance[0, 0]) == pytest.approx(trend.std, rel=0.3)
+    back = replace(record, load_point_displacement=-record.load_point_displacement)
+    back = jf.fit(replace(back, friction=-record.friction), stiffness=K).trended
+    assert back.change[0] == pytest.approx(own.change[0], abs=0.1 * trend.std)
     assert f"with it A-B is {refit.value:.6f}(" in said and "slip_trend=True" in said
     assert repeated([said]) == []
 

@@ -8,6 +8,7 @@ from scipy.optimize import curve_fit
 from scipy.stats import chi2, t
 
 from jaxfric.fitting.result import difference
+from jaxfric.fitting.trend import Trended
 from jaxfric.runs.joint import Dependence, dependences, has_trend, rate_of, share, told
 
 TRUE = np.array([0.008, 0.012, 15e-6])
@@ -29,7 +30,7 @@ def step(number, values, covariance, after=1e-5, position=0.0, stress=None, dete
     fit.record = SimpleNamespace(relative_time=np.arange(40.0), friction=noise)
     value, std = difference(fit)
     fit.A_minus_B = SimpleNamespace(value=value, std=std, determined=determined)
-    fit.with_trend = None
+    fit.with_trend = fit.trended = None
     fit.noise = SimpleNamespace(sigma=1e-4, glitches=SimpleNamespace(rows=()))
     fit.steps, fit.model = SimpleNamespace(times=[0.0, 9.0]), SimpleNamespace(slip_trend=False)
     event = SimpleNamespace(before=after / 10, after=after, normal_stress=stress)
@@ -154,6 +155,10 @@ def test_a_trend_over_slip_is_no_dependence_of_a_less_b(bias):
         error = np.sqrt(np.array([1, -1]) @ one.fit.covariance[1:3, 1:3] @ [1, -1])
         shift = np.sqrt(3) * error * rng.standard_normal()
         one.fit.with_trend = (value - bias * k / 9 + shift, 2 * error)
+        change = np.array([0.0, 0.0, shift - bias * k / 9, 0.0, 0.0])
+        spread = np.diag([1e6, 0.0, 0.0, 0.0, 0.0])  # the steps show no common trend
+        spread[1:, 1:] = 4 * one.fit.covariance
+        one.fit.trended = Trended(change, spread)
     line = next(d for d in dependences(made) if (d.quantity, d.along) == ("A-B", "normal stress"))
     assert line.p > 0.05
     assert ("trend with slip" in " ".join(told(made))) is bool(bias)
@@ -167,6 +172,81 @@ def test_a_trend_over_slip_is_no_dependence_of_a_less_b(bias):
     y = np.array([rate_of(one.fit, trend=has_trend(made)) for one in made])  # what the figure draws
     (slope, _), _ = curve_fit(lambda x, a, b: a * x + b, x, y[:, 0], sigma=y[:, 1])
     assert line.slope == pytest.approx(slope, abs=1e-4 * line.error)
+
+
+def linear(rng, trend, *, count=8, apart=0.0):
+    """Steps of a linear model, y = J (A, B, ln L) + s x + white noise; J is fixed but for the sign
+    of A - B, which x resembles. Returns the steps, and the least squares of all rows together with
+    a common trend: its values, their errors, and its sum of squares."""
+    n, sigma, truth = 60, 2e-4, np.array([*TRUE[:2], np.log(TRUE[2]), trend])
+    made, stacked, rows = [], [], []
+    for k in range(count):
+        u = np.linspace(-1, 1, n)
+        way = (-1) ** k
+        columns = [way * u + 0.3 * np.exp(-9 * u**2), -way * u + 0.2 * u**2, 1e-2 * np.sin(3 * u)]
+        both = np.column_stack([*columns, 60e-6 * u])
+        own = truth + np.array([apart * (k % 2), 0, 0, 0])
+        y = both @ own + sigma * rng.standard_normal(n)
+        spreads = [sigma**2 * np.linalg.inv(J.T @ J) for J in (both[:, :3], both)]
+        (A, B, ln_L), after = (np.linalg.lstsq(J, y)[0] for J in (both[:, :3], both))
+        scale = np.array([1, 1, np.exp(ln_L)])
+        one = step(
+            k + 1, [A, B, scale[2]], spreads[0] * np.outer(scale, scale), after=10 ** (k - 9.0)
+        )
+        change, spread = np.zeros(5), np.zeros((5, 5))
+        at, units = np.array([2, 3, 4, 0]), np.append(scale, 1.0)
+        change[at] = units * (after - [A, B, ln_L, 0])
+        spread[np.ix_(at, at)] = spreads[1] * np.outer(units, units)
+        one.fit.trended = Trended(change, spread)
+        weight = np.array([0, 0, 1, -1, 0])
+        moved, error = weight @ change, np.sqrt(weight @ spread @ weight)
+        one.fit.with_trend = (A - B + moved, error)
+        made.append(one)
+        stacked.append(both)
+        rows.append(y)
+    J, y = np.vstack(stacked), np.concatenate(rows)
+    values, left, *_ = np.linalg.lstsq(J, y)
+    errors = sigma * np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
+    alone = sum(np.linalg.lstsq(one, y)[1][0] for one, y in zip(stacked, rows, strict=True))
+    return made, values, errors, (left[0] - alone) / sigma**2
+
+
+def test_a_common_trend_is_that_of_all_rows_together():
+    """Least squares of all rows with one A, B, ln L and slip trend; Q is what they leave more than
+    separate values and trends do."""
+    made, values, errors, rise = linear(np.random.default_rng(1), 1.5)
+    found = share(made, "common")
+    assert found.values["slip_trend"] == pytest.approx(values[3], rel=1e-6)
+    assert found.errors["slip_trend"] == pytest.approx(errors[3], rel=1e-6)
+    assert found.values["A"] == pytest.approx(values[0], rel=1e-6)
+    assert np.log(found.values["L"]) == pytest.approx(values[2], rel=1e-6)
+    assert found.chi_square == pytest.approx(rise, rel=1e-6) and found.freedom == 4 * 7
+
+
+def test_a_common_trend_is_no_difference_of_the_steps():
+    """Steps with one A, B and L on friction with one trend, which no step alone shows."""
+    rng, denied, shown = np.random.default_rng(2), 0, 0
+    for _ in range(50):
+        made, *_ = linear(rng, 3.0)
+        differ, trend, found = share(made, "none").p < 0.001, has_trend(made), share(made)
+        assert found.p > 0.001 and found.slip_trend == ("common" if trend else "none")
+        text = " ".join(told(made))
+        assert ("slip_trend 0.00" in text) == trend
+        assert ("without it the steps do not share" in text) == (trend and differ)
+        denied, shown = denied + differ, shown + trend
+    assert shown >= 48 and denied >= 40
+
+
+def test_noise_is_seldom_a_trend_of_all_steps():
+    rng = np.random.default_rng(3)
+    assert np.mean([has_trend(linear(rng, 0.0)[0]) for _ in range(200)]) < 0.03
+
+
+def test_steps_that_differ_with_and_without_a_trend_are_told_to():
+    """Steps up and down with two values of A: a common trend resembles that, and is no answer."""
+    made, *_ = linear(np.random.default_rng(4), 0.0, apart=1e-3)
+    assert not has_trend(made)
+    assert "nor do they with a slip trend in every step (p" in told(made)[0]
 
 
 def test_what_is_not_determined_has_no_say():

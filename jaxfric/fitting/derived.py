@@ -59,11 +59,12 @@ def difference(fit: Estimated) -> tuple[float, float]:
     a quadratic misfit."""
     sign = signs(fit)
     value = sum(fit.parameters[n].value * sign[n] for n in sign)
-    weight = _weights(fit)
+    weight = weights(fit)
     return value, float(np.sqrt(max(weight @ fit.covariance @ weight, 0.0)))
 
 
-def _weights(fit: Estimated) -> np.ndarray:
+def weights(fit: Estimated) -> np.ndarray:
+    """The signs in the order of the free parameters, 0 for others."""
     sign = signs(fit)
     return np.array([sign.get(n, 0) for n in fit.free], float)
 
@@ -114,7 +115,7 @@ def along_length(fit: Estimated, minimum: Callable[[], LeastMisfit]) -> Interval
     if not CLEAR_LENGTH < error < np.inf:
         return None
     total = difference(fit)[1]
-    shared = _weights(fit) @ fit.covariance[:, fit.free.index("L")] / length.std
+    shared = weights(fit) @ fit.covariance[:, fit.free.index("L")] / length.std
     within = float(np.sqrt(max(total**2 - shared**2, 0.0)))
     return interval_along(minimum(), "L", error, signs(fit), (total, within))
 

@@ -24,7 +24,7 @@ from .derived import (
     critical_stiffness_at,
     inertia_of,
     rate_dependence,
-    signs,
+    weights,
 )
 from .derived import critical_stiffness_of as critical_stiffness_of
 from .derived import difference as difference
@@ -33,7 +33,7 @@ from .findings import stability_finding
 from .noise import NoiseEstimate
 from .problem import Model, quantity_of
 from .solved import Solved
-from .trend import shift_with_trend
+from .trend import Trended, with_slip_trend
 from .uncertainty import minimum_of
 
 DIFFERENCE = "A_minus_B"
@@ -131,15 +131,22 @@ class Fit(Described, Drawable, Gridded, Tabular):
         return critical_of(self, self.model, value, known=known, inertia=self._inertia)
 
     @functools.cached_property
-    def with_trend(self) -> tuple[float, float] | None:
-        """A minus all B and its standard error if a slip trend were fitted too, to first order. The
-        result is None if the fit already has a slip trend or did not converge.
+    def trended(self) -> Trended | None:
+        """The free parameters if a slip trend were fitted too, to first order. The result is None
+        if the fit already has a slip trend or did not converge.
         """
         if self.solved is None or not self.converged or self.model.slip_trend:
             return None
-        way = self.steps.displacement(self.record.relative_time)
-        moved, error = shift_with_trend(self.solved, signs(self), way)
-        return difference(self)[0] + moved, error
+        return with_slip_trend(self.solved, self.steps.displacement(self.record.relative_time))
+
+    @property
+    def with_trend(self) -> tuple[float, float] | None:
+        """A minus all B and its standard error in the fit with a slip trend (`trended`)."""
+        if self.trended is None:
+            return None
+        weight = np.append(0.0, weights(self))
+        error = np.sqrt(max(weight @ self.trended.covariance @ weight, 0.0))
+        return difference(self)[0] + float(weight @ self.trended.change), float(error)
 
     @functools.cached_property
     def _along(self) -> Interval | None:

@@ -21,12 +21,20 @@ p-values are multiplied by the number of tests (Bonferroni). For 5 steps, t = 7 
 .05 after correction for 9 tests. Parameters of steps may differ by far more than their errors
 although no line is significant.
 
-Friction that changes with slip biases A-B. If a trend over slip is significant in all steps
-together (`fitting.drift.trend_chance`), the lines of A-B use the estimates with a trend.
+Friction that changes with slip biases A, B and L, by opposite amounts in steps up and down. Two
+tests show such a trend in all steps together; the smaller p is doubled (Bonferroni):
+
+- The shifts of A-B with a trend in every step (`fitting.drift.trend_chance`).
+- A trend s that the steps share like the other parameters, y = (A, B_1, .., ln L_1, .., s). Then
+  (s/error)^2 is chi-square with one degree of freedom. The test counts only if Q does not reject
+  this y at p = 0.01: steps that differ otherwise imitate a trend.
+
+If the trend is significant, the common parameters and the lines of A-B use estimates with a trend.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -50,15 +58,22 @@ simulated runs of seven steps with common parameters and slow noise, 9 had p < .
 .001."""
 _SHOWN = 0.05
 """Below this corrected p a dependence is significant."""
+_PER_MM = 1e3
+"""A slip trend per mm in SI: its error is then of the size of the error of A."""
 _DECADES = 0.2
 """Least range of velocities for a line, in decades."""
+
+
+Trend = Literal["none", "each", "common"]
+"""Slip trend of the steps: none, a separate trend in each step, or a common trend."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shared:
     """Common parameters of all steps: natural `values` and standard `errors` by name (SI), and the
     p-value of the test that the steps share these parameters. If p is below 0.01, `errors` are
-    enlarged to the scatter of the steps."""
+    enlarged to the scatter of the steps. `slip_trend`
+    is a `Trend`; a common trend is one of the parameters."""
 
     values: dict[str, float]
     errors: dict[str, float]
@@ -66,6 +81,12 @@ class Shared:
     freedom: int
     p: float
     steps: tuple[int, ...]
+    slip_trend: Trend = "none"
+
+    @property
+    def rejected(self) -> bool:
+        """Whether the steps do not share their parameters."""
+        return self.p < _REJECTED
 
 
 @dataclass(frozen=True)
@@ -123,40 +144,55 @@ def names_of(fit: Fit) -> list[str]:
     return [n for n in fit.free if n[0] in "ABL" and (n == "A" or n[1:].isdigit() or len(n) == 1)]
 
 
-def vector_of(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Return A, B_i and ln L_i of a fit, and their covariance."""
-    names = names_of(fit)
-    at = [fit.free.index(n) for n in names]
+def vector_of(fit: Fit, trend: Trend = "none") -> tuple[np.ndarray, np.ndarray]:
+    """Return A, B_i, ln L_i and a common slip trend [F/mm] of a fit, and their covariance."""
+    names, trended = names_of(fit), None if trend == "none" else fit.trended
+    at = np.array([fit.free.index(n) for n in names])
     values = np.array([fit.parameters[n].value for n in names])
     lengths = np.array([n[0] == "L" for n in names])
     scale = np.where(lengths, values, 1.0)
-    covariance = fit.covariance[np.ix_(at, at)] / np.outer(scale, scale)
-    return np.where(lengths, np.log(np.where(lengths, values, 1.0)), values), covariance
+    vector = np.where(lengths, np.log(np.where(lengths, values, 1.0)), values)
+    if trended is None:
+        return vector, fit.covariance[np.ix_(at, at)] / np.outer(scale, scale)
+    at += 1
+    if trend == "common":
+        at, scale, vector = np.append(at, 0), np.append(scale, _PER_MM), np.append(vector, 0.0)
+    spread = trended.covariance[np.ix_(at, at)] / np.outer(scale, scale)
+    return vector + trended.change[at] / scale, spread
 
 
-def share(steps: Sequence[StepFit]) -> Shared | None:
-    """Return the common parameters; None if fewer than two steps determine their parameters."""
+def share(steps: Sequence[StepFit], trend: Trend | None = None) -> Shared | None:
+    """Return the common parameters with a slip trend; None: with a trend if one is significant.
+
+    The result is None if fewer than two steps determine their parameters.
+    """
     from scipy.special import chdtrc
 
+    if trend is None:
+        common = share(steps, "common") if has_trend(steps) else None
+        trend = "none" if common is None else "each" if common.rejected else "common"
     known = [step for step in steps if is_known(step)]
-    if len(known) < 2:
-        return None
     fits = [step.fit for step in known if step.fit is not None]
-    names = names_of(fits[0])
-    mean, covariance, chi_square = weighted_mean(*zip(*map(vector_of, fits), strict=True))
+    if len(fits) < 2 or (trend != "none" and any(fit.trended is None for fit in fits)):
+        return None
+    names = names_of(fits[0]) + ["slip_trend"] * (trend == "common")
+    vectors = [vector_of(fit, trend) for fit in fits]
+    mean, covariance, chi_square = weighted_mean(*zip(*vectors, strict=True))
     freedom = len(names) * (len(fits) - 1)
     lengths = np.array([n[0] == "L" for n in names])
     values = np.where(lengths, np.exp(np.where(lengths, mean, 0.0)), mean)
     p = float(chdtrc(freedom, chi_square))
     birge = chi_square / freedom if p < _DIFFER else 1.0
     errors = np.sqrt(birge * np.diag(covariance)) * np.where(lengths, values, 1.0)
+    units = np.array([_PER_MM if n == "slip_trend" else 1.0 for n in names])
     return Shared(
-        dict(zip(names, values.tolist(), strict=True)),
-        dict(zip(names, errors.tolist(), strict=True)),
+        dict(zip(names, (units * values).tolist(), strict=True)),
+        dict(zip(names, (units * errors).tolist(), strict=True)),
         chi_square,
         freedom,
         p,
         tuple(step.number for step in known),
+        "each" if fits[0].model.slip_trend else trend,
     )
 
 
@@ -225,13 +261,21 @@ def _estimate(step: StepFit, quantity: str) -> tuple[float, float] | None:
 
 
 def has_trend(steps: Sequence[StepFit]) -> bool:
-    """Whether friction has a significant trend with slip in the steps: then A-B is tested, and
-    drawn, with this trend."""
+    """Whether friction has a significant trend with slip in the steps: then the common parameters
+    and A-B are tested, and A-B is drawn, with this trend."""
     return _trend_chance(steps) < _DIFFER
 
 
 def _trend_chance(steps: Sequence[StepFit]) -> float:
-    return trend_chance([step.fit for step in _known(steps, "A-B") if step.fit is not None])
+    """p-value of the hypothesis that the steps lack no slip trend, by the smaller of two tests."""
+    from scipy.special import chdtrc
+
+    p = trend_chance([step.fit for step in _known(steps, "A-B") if step.fit is not None])
+    common = share(steps, "common")
+    if common is not None and common.p >= _DIFFER:
+        ratio = common.values["slip_trend"] / common.errors["slip_trend"]
+        p = min(p, float(chdtrc(1, ratio**2)))
+    return min(1.0, 2 * p)
 
 
 def rate_of(fit: Fit, *, trend: bool) -> tuple[float, float]:
@@ -243,38 +287,60 @@ def rate_of(fit: Fit, *, trend: bool) -> tuple[float, float]:
 def told(steps: Sequence[StepFit]) -> list[str]:
     """Return lines on common parameters of the steps, on A-B against velocity, and on the other
     dependences that are significant."""
-    shared = share(steps)
+    trend, shared = has_trend(steps), share(steps)
     if shared is None:
         return []
-    parts = []
-    for name, value in shared.values.items():
-        scale, unit = (1e6, " um") if name[0] == "L" else (1.0, "")
-        parts.append(f"{name} {measured(scale * value, scale * shared.errors[name])}{unit}")
-    values = ", ".join(parts)
-    if shared.p < _REJECTED:
-        lines = [
-            f"the steps do not share their parameters (likelihood-ratio test: {p_text(shared.p)},"
-            f" chi-square {shared.chi_square:.4g} with {shared.freedom} d.o.f.); weighted mean,"
-            f" errors enlarged to the scatter: {values}"
-        ]
-    else:
-        wider = "; errors enlarged to the scatter" if shared.p < _DIFFER else ""
-        lines = [
-            f"the {len(shared.steps)} steps may have the same parameters (likelihood-ratio test:"
-            f" {p_text(shared.p)}{wider}): {values}"
-        ]
-    answers = dependences(steps)
+    other = share(steps, "none" if trend else "each")
+    lines = [_told_shared(shared)]
+    if shared.rejected and not trend and other is not None:
+        lines[0] += (
+            f"; nor do they with a slip trend in every step ({p_text(other.p)})"
+            if other.rejected
+            else f"; with a slip trend in every step, which is not significant, they may"
+            f" ({p_text(other.p)})"
+        )
+    answers = dependences(steps, trend=trend)
     of_velocity = [d for d in answers if (d.quantity, d.along) == ("A-B", "velocity")]
     lines += [d.told() for d in of_velocity] or [
         f"A-B against velocity: not tested, which needs {_FEWEST} steps without a star at different"
         " mean velocities that determine A-B"
     ]
-    if has_trend(steps) and any(d.quantity == "A-B" for d in answers):
+    if trend:
         pairs = zip(answers, dependences(steps, trend=False), strict=True)
-        others = "".join(f"; without it {o.line()}" for d, o in pairs if d.shown != o.shown)
+        others = [o.line() for d, o in pairs if d.shown != o.shown]
+        if other is not None and other.rejected != shared.rejected:
+            others.insert(0, f"the steps {_VERDICTS[other.rejected]} ({p_text(other.p)})")
         lines.append(
             "friction has a significant trend with slip in these steps"
-            f" ({p_text(_trend_chance(steps))}): the lines of A-B use fits with this trend"
-            f" ({option('slip-trend')}){others}"
+            f" ({p_text(_trend_chance(steps))}): the parameters of the steps together and the"
+            f" lines of A-B use fits with this trend ({option('slip-trend')})"
+            + "".join(f"; without it {text}" for text in others)
         )
     return lines + [d.told() for d in answers if d.shown and d not in of_velocity]
+
+
+_VERDICTS = {True: "do not share their parameters", False: "may have the same parameters"}
+"""Verdict on common parameters, by whether they are rejected."""
+
+_SHOWN_IN = {"L": (1e6, " um"), "slip_trend": (1 / _PER_MM, " per mm")}
+"""Factor from SI, and unit, in which a common parameter is shown."""
+
+
+def _told_shared(shared: Shared) -> str:
+    """Return the likelihood-ratio test of common parameters, and the parameters."""
+    parts = []
+    for name, value in shared.values.items():
+        scale, unit = _SHOWN_IN.get(name.rstrip("0123456789"), (1.0, ""))
+        parts.append(f"{name} {measured(scale * value, scale * shared.errors[name])}{unit}")
+    values, verdict = ", ".join(parts), _VERDICTS[shared.rejected]
+    if shared.rejected:
+        return (
+            f"the steps {verdict} (likelihood-ratio test: {p_text(shared.p)},"
+            f" chi-square {shared.chi_square:.4g} with {shared.freedom} d.o.f.); weighted mean,"
+            f" errors enlarged to the scatter: {values}"
+        )
+    wider = "; errors enlarged to the scatter" if shared.p < _DIFFER else ""
+    return (
+        f"the {len(shared.steps)} steps {verdict} (likelihood-ratio test:"
+        f" {p_text(shared.p)}{wider}): {values}"
+    )
