@@ -338,7 +338,7 @@ GOOD = Chains(1.001, 900.0, 800.0)
     [
         ({"A": GOOD, "L": GOOD}, 0, []),
         ({}, 0, []),
-        ({"A": GOOD, "L": GOOD._replace(rhat=1.0101)}, 0, ["R-hat of L is 1.010"]),
+        ({"A": GOOD, "L": GOOD._replace(rhat=1.0101)}, 0, ["R-hat of L is 1.0101, above 1.01;"]),
         ({"A": GOOD._replace(rhat=1.0099)}, 0, []),
         ({"A": GOOD, "L": GOOD._replace(rhat=math.nan)}, 0, ["R-hat of L"]),
         ({"A": GOOD._replace(ess_bulk=399.0), "L": GOOD}, 0, ["size of A is 399"]),
