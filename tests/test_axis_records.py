@@ -545,6 +545,7 @@ def test_time(tmp_path: Path) -> None:
     refusal(with_row(path, 31, "0.05,1,2,3,4"), "time goes back", "row 31", "0.05 s")
     record = read_axis(with_row(path, 31, csv_text().splitlines()[29]))
     assert record.provenance.dropped == {"equal time stamp": 1}
+    assert sum("1 row has the same time" in note for note in record.provenance.notes) == 1
 
 
 def test_columns_of_different_length(tmp_path: Path) -> None:

@@ -334,6 +334,11 @@ def test_time_that_stands_or_goes_back(tmp_path: Path) -> None:
     body[5] = body[4]
     record = read(written(tmp_path, table_text(body=body)))
     assert (len(record), record.provenance.dropped) == (39, {"equal time stamp": 1})
+    (told,) = record.doubts
+    assert "1 row has the same time as the row before: not used" in told
+    body[8] = body[7]
+    assert "2 rows have the same" in read(written(tmp_path, table_text(body=body))).doubts[0]
+    body[8] = rows(40)[8]
     body[20] = "0.9,40,0.6,25"
     path = written(tmp_path, table_text(body=body))
     message = refusal(path)
@@ -545,4 +550,5 @@ def test_a_clock_that_moves_is_not_doubted():
     time = np.repeat(np.arange(100.0), 3)
     x = 1e-6 * np.arange(len(time))
     record = from_arrays(time, 0.6 + 0 * time, load_point_displacement=x)
-    assert len(record) == 100 and record.doubts == ()
+    (told,) = record.doubts
+    assert len(record) == 100 and "200 rows have the same time" in told

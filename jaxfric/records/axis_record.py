@@ -11,7 +11,7 @@ from ..errors import InputError
 from .axis_units import FORCE_UNITS, si_units
 from .held import REPEATED, columns_renewed
 from .record import Measured, Provenance, frozen, vector
-from .rows import FileRows, refuse_few, whole_rows
+from .rows import FileRows, equal_times, refuse_few, whole_rows
 from .sizes import refuse_sizes
 from .turns import columns_unwound
 from .window import Bound
@@ -187,7 +187,7 @@ def build(
     _check_encoder(kept, coordinate, origin.path)
     _check_saturation(kept["motor_force"], force_unit, origin.path)
     rows_read, dropped = origin.rows_read + len(rows.lines), {**origin.dropped, **dropped}
-    notes = (*origin.notes, *notes)
+    notes = (*origin.notes, *equal_times(origin.path, dropped), *notes)
     origin = replace(origin, rows_read=rows_read, dropped=dropped, notes=notes)
     about = {"coordinate": coordinate, "force_unit": force_unit, "drive": drive}
     return AxisRecord(**kept, **about, units=dict(units), provenance=origin)  # ty: ignore[invalid-argument-type]

@@ -13,7 +13,7 @@ from ..units import between
 from . import standing_out
 from .differences import travelled
 from .roles import SLIDER
-from .rows import MIN_ROWS, FileRows, refuse_few, whole_rows
+from .rows import MIN_ROWS, FileRows, equal_times, refuse_few, whole_rows
 from .sizes import refuse_sizes
 from .window import Bound, bounds
 
@@ -159,14 +159,15 @@ class Record(Measured):
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """A warning for every used column that has outlier cells in the rows of this record."""
-        lines = self.provenance.lines
+        """A warning for rows that repeat a time, and for every used column that has outlier cells
+        in the rows of this record."""
+        origin, lines = self.provenance, self.provenance.lines
+        found = equal_times(origin.path, origin.dropped)
         if lines is None or len(lines) != len(self):  # means of rows
-            return ()
+            return found
         units = {**ROLES, "friction": self.friction_unit}
-        return standing_out.told(
-            self.provenance.path, self.columns, lines, self.provenance.outliers, units
-        )
+        wild = standing_out.told(origin.path, self.columns, lines, origin.outliers, units)
+        return found + wild
 
     @property
     def mean_normal_stress(self) -> float | None:

@@ -14,6 +14,8 @@ MIN_ROWS = 20
 """Least number of rows of a record."""
 _GOES_ON = 10
 """A clock has restarted if it goes on for this many rows after it went back."""
+EQUAL_TIMES = "equal time stamp"
+"""Reason for rows that were dropped because they repeat a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +85,17 @@ def whole_rows(
     counts = {
         "wrong number of cells": int(rows.malformed.sum()),
         "no finite number": int(bad.sum()),
-        "equal time stamp": int(equal.sum()),
+        EQUAL_TIMES: int(equal.sum()),
         "time goes back": int(back.sum()),
     }
     return columns, keep & ~back & ~equal, {reason: n for reason, n in counts.items() if n}
+
+
+def equal_times(path: str, dropped: Mapping[str, int]) -> tuple[str, ...]:
+    """Return a note on the rows dropped because they repeat a time; empty without such rows."""
+    count = dropped.get(EQUAL_TIMES, 0)
+    rows = "1 row has" if count == 1 else f"{count} rows have"
+    return (f"{path}: {rows} the same time as the row before: not used",) if count else ()
 
 
 def _refuse_restart(
