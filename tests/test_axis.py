@@ -461,13 +461,23 @@ def test_screw_drives():
     assert second.verdict == "no_missing_effect"
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 180 / np.pi])
+@pytest.mark.parametrize(("apart", "way"), [(-1e-13, "in both directions"), (-1e-4, "backwards")])
+def test_the_worst_direction_is_named_where_there_is_one(unit, apart, way):
+    """In any unit of speed; rounding is no direction. Backwards friction falls by more."""
+    force = lambda v: (1 + apart * np.sign(v)) * np.sign(v) * 2 * np.exp(-((v / unit / 0.05) ** 2))  # noqa: E731
+    found = axis_gains(force, 1e-4 * unit, unit)
+    assert f" m/s {way}" in found.short() and (found.worst_velocity > 0) == (apart > -1e-6)
+
+
 def test_the_golden_worst_velocity():
     """(16)-(17) at c1 = .4, c2 = 2, c3 = .05: V_cr = .03535533905932738, f_v = -33.91055539840."""
     found = axis_gains(
         lambda v: 0.4 * v + np.sign(v) * 2 * np.exp(-((v / 0.05) ** 2)), 1e-4, 1.0,
         drive=Drive(gain=10.0),
     )  # fmt: skip
-    assert abs(found.worst_velocity) == pytest.approx(0.03535533905932738, rel=2e-3)
+    assert found.worst_velocity == pytest.approx(0.03535533905932738, rel=2e-3)
+    assert "most steeply at 0.03" in found.short() and " m/s in both directions" in found.short()
     assert found.slope == pytest.approx(-33.9105553984, rel=1e-5)
     assert found.velocity_gain == pytest.approx(3.39105553984, rel=1e-5)
     plain = axis_gains(lambda v: 0.4 * v, 1e-4, 1.0)

@@ -22,7 +22,7 @@ from ..rig.axis_law import axis_law
 from ..stability.analysis import study
 from ..stability.claims import Above, Curve, Unseen
 from .axis_result import AxisGains, StiffOptimum
-from .thresholds import SLOPES, SPEEDS
+from .thresholds import SLOPES, SPEEDS, TIED
 
 
 def axis_gains(
@@ -46,13 +46,14 @@ def axis_gains(
     speed = np.geomspace(slowest, fastest, SLOPES)
     velocity = np.stack([speed, -speed])
     slope = np.stack([np.gradient(np.asarray(force(v)), v) for v in velocity])
-    worst = np.unravel_index(np.argmin(slope), slope.shape)
-    at, least_slope = float(velocity[worst]), float(slope[worst])
+    way, tied = _worse(*-slope.min(axis=1))
+    k = int(np.argmin(slope[way]))
+    at, least_slope = float(velocity[way, k]), float(slope[way, k])
     least = max(0.0, -least_slope)
     gain = None if drive is None or not drive.gain else least / drive.gain
     sigma = 0.0 if error is None else error(at)
     curve = Curve(least_slope, sigma, slowest, fastest, above, unseen)
-    return AxisGains(at, least_slope, least, gain, curve=curve)
+    return AxisGains(at, least_slope, least, gain, curve=curve, both_directions=tied)
 
 
 def state_gains(
@@ -74,12 +75,20 @@ def state_gains(
     if not any(np.ptp(np.asarray(values)) > 0 for values in rig.steady(jnp.asarray(speed))):  # ty: ignore[unsupported-operator]
         return None
     parts = [_both_optima(rig, position, sign * speed) for sign in (1.0, -1.0)]
-    velocity, slope, least = min((damped for damped, _ in parts), key=lambda d: d[1])
-    stiff = max((stiff for _, stiff in parts), key=lambda b: b.critical_stiffness)
+    damped, stiffness = zip(*parts, strict=True)
+    way, tied = _worse(*(-slope for _, slope, _ in damped))
+    velocity, slope, least = damped[way]
+    stiff = stiffness[_worse(*(one.critical_stiffness for one in stiffness))[0]]
     gain = None if drive is None or not drive.gain else least / drive.gain
     if drive is not None and drive.K_d:
         stiff = replace(stiff, position_gain=stiff.critical_stiffness / drive.K_d)
-    return AxisGains(velocity, slope, least, gain, stiff)
+    return AxisGains(velocity, slope, least, gain, stiff, both_directions=tied)
+
+
+def _worse(forwards: float, backwards: float) -> tuple[int, bool]:
+    """Return the direction with the larger value, and whether both agree; then it is forwards."""
+    tied = bool(np.isclose(forwards, backwards, rtol=TIED, atol=0.0))
+    return int(not tied and backwards > forwards), tied
 
 
 def _both_optima(

@@ -25,7 +25,7 @@ class AxisGains:
     """The least damping that stabilises an axis at every speed of a range. SI; rotary N m, rad."""
 
     worst_velocity: float
-    """Velocity at which dF/dV is least [m/s]; signed."""
+    """Velocity at which dF/dV is least [m/s]; signed, positive if both directions agree."""
     slope: float
     """dF/dV there [N s/m]."""
     least_damping: float
@@ -36,6 +36,8 @@ class AxisGains:
     """The optimum of stiffness; None: friction has no memory."""
     curve: Curve | None = None
     """The slope's error and range of validity; None: unknown, so no claim is supported."""
+    both_directions: bool = False
+    """Whether dF/dV is as small in the other direction."""
 
     @property
     def claim(self) -> Claim:

@@ -125,3 +125,6 @@ FACTORS, JUMP_ROUNDS = 8, 2
 """Velocity jumps tried in each round of the search for the basin, and the number of rounds."""
 SAMPLES, HUNTING_STEPS, HUNTING_RTOL = 8001, 200_000, 1e-6
 """Samples, largest number of solver steps and tolerance of a slider simulated at rest."""
+TIED = 1e-6
+"""Relative difference of two directions of motion below which neither is the worse: far above
+rounding, and below the digits that are shown."""

@@ -52,6 +52,7 @@ def _speed(velocity: float, unit: str) -> str:
 
 def _worst(gains: AxisGains, speed: str) -> str:
     way = "backwards" if gains.worst_velocity < 0 else "forwards"
+    way = "in both directions" if gains.both_directions else way
     return f"{_speed(abs(gains.worst_velocity), speed)} {way}"
 
 
