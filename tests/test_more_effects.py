@@ -190,6 +190,26 @@ def test_inertia_in_its_range(stiffness, w, worst):
     assert relative_error("inertia", stiffness, m=mass) < worst
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("stiffness", "w", "worst"), [(3.0, 0.3, 0.019), (6.0, 0.3, 0.067), (6.0, 1.0, 0.21)]
+)
+def test_largest_error_of_inertia_in_its_range(stiffness, w, worst):
+    """Rows that lie as densely as the largest error needs, just after steps up and down."""
+    b, velocities = base(stiffness), (1 * UM, 10 * UM, 1 * UM, 10 * UM)
+    durations = tuple(150 * UM / v for v in velocities)
+    protocol = Protocol(velocities, durations)
+    rows = np.append(0.0, np.geomspace(1e-4, 0.999, 3000))
+    ts = np.concatenate([s + rows * d for s, d in zip(protocol.starts, durations, strict=True)])
+    mass = b.K * (w * b.L / max(velocities)) ** 2
+    truth = plant(b, protocol, {"inertia": {"m": mass}}, ts).record
+    size = np.max(np.abs(truth - plant(b, protocol, {}, ts).record))
+    built = made("inertia", m=mass).embed(rig(b))
+    motion = jf.PiecewiseVelocity(protocol.starts, velocities)
+    found = np.asarray(jf.simulate(built, motion, jnp.asarray(ts), rtol=1e-8).recorded)
+    assert 0.7 * worst < np.max(np.abs(found - truth)) / size < worst
+
+
 @pytest.mark.parametrize("id", ["frictional_delay", "inertia"])
 def test_error_is_of_second_order(id):
     """Half the parameter, half the relative error: the derivative at the null is the plant's."""
