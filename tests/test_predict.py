@@ -9,6 +9,7 @@ import pytest
 import reference
 from command import STEPS, assert_refused, record_text, run, written
 from scipy.integrate import odeint
+from scipy.signal import lfilter
 
 import jaxfric
 from jaxfric.cli.folder import Folder
@@ -34,7 +35,7 @@ def prediction(rms: float, refit: float, sigma: float, **shifts: Shift) -> Predi
     rows = np.zeros(3)
     return Prediction(
         "fit.json", Provenance(), "slider", "N", errors, {"f0": (0.0, 1.0)}, sigma, refit,
-        tuple(shifts.values()), rows, rows, rows, None, (), (),
+        tuple(shifts.values()), rows, rows, rows, None, (), (), 1.3, 0.0,
     )  # fmt: skip
 
 
@@ -67,7 +68,7 @@ def axis_table(M: float) -> dict[str, Any]:
     return {
         "parameters": {n: {"value": v, "std": 1e-3 * abs(v)} for n, v in values.items()},
         "free": list(values),
-        "covariance": np.eye(4).tolist(),
+        "covariance": np.diag([(1e-3 * v) ** 2 for v in values.values()]).tolist(),
     }
 
 
@@ -93,16 +94,21 @@ def axis_model(path: str, mass: float = M, **changes: object) -> Path:
     return written(Path(path), json.dumps({**content, **changes}))
 
 
-def moved(seconds: float = 4.0, noise: float = 0.05) -> tuple[np.ndarray, ...]:
-    """Time, position, acceleration, motor force of two sines; white noise of the force."""
+def two_sines(seconds: float = 4.0) -> tuple[np.ndarray, ...]:
+    """Time, position, velocity, acceleration, motor force of two sines, without noise."""
     t = np.arange(0, seconds, 1 / RATE)
     pairs = ((0.05, 2 * np.pi), (0.01, 6 * np.pi))
     x = sum(a * np.sin(w * t + 0.3) for a, w in pairs)
     v = sum(a * w * np.cos(w * t + 0.3) for a, w in pairs)
     acceleration = sum(-a * w * w * np.sin(w * t + 0.3) for a, w in pairs)
     force = M * acceleration + F_V * v + F_C * np.tanh(v / 1e-3) + F_0
-    force = force + np.random.default_rng(2).normal(0, noise, len(t))
-    return t, np.asarray(x), np.asarray(acceleration), np.asarray(force)
+    return t, np.asarray(x), np.asarray(v), np.asarray(acceleration), np.asarray(force)
+
+
+def moved(seconds: float = 4.0, noise: float = 0.05) -> tuple[np.ndarray, ...]:
+    """Time, position, acceleration, motor force of two sines; white noise of the force."""
+    t, x, _, acceleration, force = two_sines(seconds)
+    return t, x, acceleration, force + np.random.default_rng(2).normal(0, noise, len(t))
 
 
 def test_an_axis_by_inverse_dynamics() -> None:
@@ -123,6 +129,66 @@ def test_an_axis_by_inverse_dynamics() -> None:
     relative = heavy.comparisons[0].relative_error
     rows = heavy.recorded[inside]
     assert relative == pytest.approx(heavy.rms / np.sqrt(np.mean(rows**2)))
+
+
+def autoregressive(rho: float, rows: int, rng: np.random.Generator) -> np.ndarray:
+    """White noise and AR(1) noise in equal parts, of variance 1; white noise for rho = 0."""
+    slow = lfilter([np.sqrt(1 - rho**2)], [1, -rho], rng.standard_normal(rows + 400))[400:]
+    return np.sqrt(0.5) * (slow + rng.standard_normal(rows))
+
+
+def sigma_of_means(rho: float, number: int = 10) -> float:
+    """Standard deviation of means of rows of `autoregressive` noise, from its autocorrelation."""
+    apart = np.abs(np.subtract.outer(np.arange(number), np.arange(number)))
+    return float(np.sqrt(np.mean(0.5 * rho**apart + 0.5 * (apart == 0))))
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.9, 0.95, 0.98])
+def test_correlated_force_noise_is_no_missing_effect_of_an_axis(rho: float) -> None:
+    """Sigma and, for white noise, its limit by closed forms. Shifts have the size of their errors."""
+    t, x, _, _, force = two_sines(8.0)
+    exact = axis_table(M)
+    for item in exact["parameters"].values():
+        item["std"] = 0.0
+    model = axis_model("a.json", after=exact, before=exact)
+    z, sigmas, limits = [], [], []
+    for seed in range(8):
+        rng = np.random.default_rng([seed, int(100 * rho)])
+        noisy = force + 0.5 * autoregressive(rho, len(t), rng)
+        found = jaxfric.predict(model, axis_from_arrays(t, noisy, position=x))
+        assert found.verdict == "noise", (seed, found.sentence)
+        z += [shift.in_sigma for shift in found.shifts]
+        sigmas.append(found.sigma)
+        limits.append(found.largest)
+    if rho == 0:  # rms and sigma have a relative error of sqrt(1/2n) each, for white noise
+        rows = np.isfinite(found.predicted).sum()
+        assert np.median(limits) == pytest.approx(1 + 3.143 / np.sqrt(rows), rel=5e-3)
+    assert np.mean(sigmas) == pytest.approx(0.5 * sigma_of_means(rho), rel=0.1)
+    assert 0.62 < np.sqrt(np.mean(np.square(z))) < 1.38  # three standard errors around 1
+    assert found.notes[-1].code == "noise_of_the_record"
+
+
+LACKED = {
+    "stribeck": lambda x, v, force, t: 2 * np.exp(-((v / 0.1) ** 2)) * np.sign(v),
+    "forwards": lambda x, v, force, t: 2 * np.exp(-((v / 0.1) ** 2)) * (v > 0),
+    "ripple": lambda x, v, force, t: np.sin(2 * np.pi * x / 15e-3),
+    "spring": lambda x, v, force, t: 60 * np.maximum(x, 0),
+    "place": lambda x, v, force, t: 60 * np.maximum(x, 0) * np.sign(v),
+    "delay": lambda x, v, force, t: -3e-3 * np.gradient(force, t),
+    "warming": lambda x, v, force, t: -0.5 * t * np.sign(v),
+}
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.9])
+@pytest.mark.parametrize("lacked", LACKED)
+def test_a_missing_effect_of_an_axis_is_no_noise(lacked: str, rho: float) -> None:
+    t, x, v, _, force = two_sines()
+    noise = 0.2 * autoregressive(rho, len(t), np.random.default_rng(4))
+    force = force + LACKED[lacked](x, v, force, t) + noise
+    found = jaxfric.predict(axis_model("a.json"), axis_from_arrays(t, force, position=x))
+    assert found.verdict != "noise" and "the model lacks an effect" in found.sentence
+    assert found.refit_rms > found.largest * found.sigma
+    assert found.sigma < 1.5 * 0.2 * sigma_of_means(rho)
 
 
 def driven(pulse: float) -> tuple[np.ndarray, ...]:

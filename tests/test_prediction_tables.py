@@ -11,6 +11,7 @@ from scipy import stats
 from scipy.optimize import brentq
 
 from jaxfric.prediction import axis, slider
+from jaxfric.prediction.chance import chance_of_shifts
 from jaxfric.prediction.model import SavedModel
 from jaxfric.prediction.noise import noise_of_record
 from jaxfric.prediction.result import Comparison, Prediction, Shift
@@ -26,7 +27,7 @@ def prediction(rms, refit, sigma, *shifts):
     second = Comparison("fit", "closed loop", 99.0, "m", 0.1, None)  # is not what is spoken of
     return Prediction(
         "fit.json", Provenance(), "slider", "N", (first, second), {"f0": (0.0, 1.0)}, sigma, refit,
-        shifts, NONE, NONE, NONE, None, (), (),
+        shifts, NONE, NONE, NONE, None, (), (), 1.3, 0.0,
     )  # fmt: skip
 
 
@@ -251,17 +252,78 @@ def test_the_force_that_the_model_predicts_better_is_taken(monkeypatch, inside):
 
 
 def test_the_error_of_an_axis_shift_is_that_of_both_fits(monkeypatch):
-    fit = SimpleNamespace(values={"f0": 1.5, "A": 2.0}, std={"f0": 0.3, "A": 0.1}, rms=0.7)
-    fit.loose = ("A",)  # whose value means nothing
-    monkeypatch.setattr(axis, "inverse_dynamics", lambda problem, z, free: fit)
-    monkeypatch.setattr(axis, "_free", lambda problem, values: np.zeros(2))
-    problem = SimpleNamespace(model=SimpleNamespace(names=lambda: ("f0", "A")))
+    """A is exp z. The record does not determine B."""
+    z, spread = np.asarray([9.0, 1.5, np.log(2.0), 3.0]), np.diag([0.09, 0.0025, 1.0])
+    problem = SimpleNamespace(
+        model=SimpleNamespace(names=lambda: ("c", "f0", "A", "B")),
+        coordinates=SimpleNamespace(
+            from_free=lambda z: np.where(np.arange(4) == 2, np.exp(z), z),
+            slopes=lambda z: np.where(np.arange(4) == 2, np.exp(z), 1.0),
+        ),
+    )  # fmt: skip
     made = saved([UM])
-    made.content["after"]["parameters"]["f0"]["std"] = 0.4
-    rms, (first, second) = axis._refit(SimpleNamespace(saved=made, problem=problem), "after")
-    assert rms == 0.7 and math.isnan(second.error)
+    table = made.content["after"]["parameters"]
+    table["f0"]["std"], table["B"] = 0.4, {"value": 1.0}
+    monkeypatch.setattr(axis, "_known", lambda setting, refit: np.asarray([True, True, False]))
+    refit = SimpleNamespace(z=z, index=np.asarray([1, 2, 3]), spread=spread)
+    setting = SimpleNamespace(saved=made, problem=problem)
+    first, second, third = axis._shifts(setting, "after", refit)
     assert (first.name, first.model, first.here) == ("f0", 1.0, 1.5)
     assert first.error == pytest.approx(0.5) and first.in_sigma == pytest.approx(1.0)
+    assert second.error == pytest.approx(np.hypot(0.1, 2.0 * 0.05)) and second.here == 2.0
+    assert math.isnan(third.error)
+
+
+@pytest.mark.parametrize("at", [0.0, 0.4])
+def test_the_chance_of_an_axis_is_that_of_chi_square(monkeypatch, at):
+    """The model knows only F_v and M = exp z. F_0 is at a bound; no record determines F_c."""
+    rng = np.random.default_rng(8)
+    jacobian, mass = rng.standard_normal((80, 4)) * [1, 1, 9, 0], np.exp(at)
+    model = np.asarray([at, 2.0, 0.0, 7.0])
+    problem = SimpleNamespace(
+        model=SimpleNamespace(names=lambda: ("M", "F_v", "F_c", "F_0")), noise_scale=2.0,
+        weight=np.arange(80) < 70,
+        coordinates=SimpleNamespace(slopes=lambda z: np.asarray([np.exp(z[0]), 1.0, 1.0, 0.0])),
+    )  # fmt: skip
+    before, here = np.diag([0.04, 0.3, 50.0, 0.0]), np.diag([0.01, 0.2, 60.0, 1.0])
+    made = saved([UM])
+    made.content["after"] |= {"free": ["M", "F_v", "F_c", "F_0"], "covariance": before.tolist()}
+    made.content["after"]["parameters"] = {
+        n: {"value": float(v)}
+        for n, v in zip(("M", "F_v", "F_c", "F_0"), (mass, 2.0, 0.0, 7.0), strict=True)
+    }
+    known = np.asarray([True, True, False, True])
+    monkeypatch.setattr(axis, "_known", lambda setting, refit: known)
+    monkeypatch.setattr(axis, "_free", lambda problem, values: model)
+    setting = SimpleNamespace(saved=made, problem=problem)
+    for level in (0.3, 1e-3, 1e-8):
+        way = np.sqrt(stats.chi2.isf(level, 2))
+        # along F_v alone: its variance does not depend on M
+        shift = way * np.sqrt(0.3 + 0.2)
+        refit = SimpleNamespace(
+            z=model + np.asarray([0.0, shift, 0.1, 30.0]), index=np.arange(4),
+            residual=np.zeros(80), jacobian=jacobian, spread=here,
+        )  # fmt: skip
+        monkeypatch.setattr(axis, "_force_error", lambda problem, values: np.zeros(80))
+        chance = axis._chance(setting, "after", refit)
+        assert chance == pytest.approx(level, rel=1e-6)
+    still = SimpleNamespace(**{**vars(refit), "z": model})
+    error = np.where(problem.weight, 1.0, 99.0)
+    errors = np.diag([0.04 / mass**2 + 0.01, 0.5, 110.0])
+    curvature = jacobian[:, :3].T @ jacobian[:, :3]
+    draws = rng.standard_normal((40_000, 3)) * np.sqrt(np.diag(errors))
+    gains = np.einsum("ni,ij,nj->n", draws, curvature, draws)
+    for level in (0.5, 0.1, 0.01):
+        size = 2.0 * np.sqrt(np.quantile(gains, 1 - level) / 70)
+        monkeypatch.setattr(axis, "_force_error", lambda *_, size=size: size * error)
+        assert axis._chance(setting, "after", still) == pytest.approx(level, rel=0.35)
+
+
+def test_the_larger_errors_of_a_shift_count():
+    errors = [np.diag([1.0, 9.0]), np.diag([4.0, 1.0])]
+    found = chance_of_shifts(np.asarray([2.0, 3.0]), errors)
+    assert found == pytest.approx(stats.chi2.sf(min(4.0 + 1.0, 1.0 + 9.0), 2))
+    assert chance_of_shifts(np.zeros(0), [np.zeros((0, 0))]) == 1.0
 
 
 def test_the_error_of_a_slider_shift_counts_correlated_noise_and_its_own_fit(monkeypatch):

@@ -55,7 +55,7 @@ def prediction():
     compared = Comparison("fit", "given", 2e-3, "1", 0.1, 2.0)
     return Prediction(
         "fit.json", Provenance(HOSTILE), "slider", "1", (compared,), {}, 1e-3, 1e-3, (), time,
-        0.6 + time, 0.6 + time, None, ("f0 was fitted",), ("a doubt",),
+        0.6 + time, 0.6 + time, None, ("f0 was fitted",), ("a doubt",), 1.3, 0.0,
     )  # fmt: skip
 
 

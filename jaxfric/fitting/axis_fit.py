@@ -56,11 +56,17 @@ def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> A
     fitted rows, as usual in robotics. `free` holds the indices of the fitted parameters. `z` holds
     the starting values of fitted parameters and the values of fixed ones.
     """
-    found = _solve(lambda z, index: _force_error(problem, z, index), z, free)
+    found = force_descent(problem, z, free)
     used = np.asarray(problem.weight) > 0
     found = found._replace(residual=found.residual[used])
     recorded = np.asarray(problem.friction)[used]
     return _fit("inverse dynamics", problem, found, free, recorded)
+
+
+def force_descent(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> Descent:
+    """The descent of `inverse_dynamics`: all parameters, residual [F] of every row (0 without
+    weight), and its Jacobian by the parameters `free`."""
+    return _solve(lambda z, index: _force_error(problem, z, index), z, free)
 
 
 def output_error(

@@ -9,7 +9,9 @@ and the better prediction is used.
 """
 
 import dataclasses
+import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -19,17 +21,23 @@ from jaxtyping import Array, Float
 from ..effects import effects_of_file
 from ..errors import InputError
 from ..findings import Warned, WarningCode, warned
-from ..fitting.axis_fit import inverse_dynamics
+from ..fitting.axis_fit import force_descent
 from ..fitting.axis_preparation import prepare, usual
 from ..fitting.axis_problem import AxisProblem, make_problem
 from ..fitting.encompassing import EncompassingModel
+from ..fitting.noise import sandwich
+from ..fitting.uncertainty import determined, spread_of
+from ..loop.axis.loop import unit_of_residuals
 from ..loop.axis.result import AxisRows
 from ..loop.axis.rows import one_way, rows_of
 from ..records.axis_record import AxisRecord
 from ..records.differences import noise_from_differences
 from ..rig.axis import AxisRig, BaseLaw
 from ..simulation.axis_closed_loop import ClosedLoop, Controller, simulate_closed_loop, substeps
+from .axis_noise import noise_of_axis
+from .chance import chance_of_gain, chance_of_shifts
 from .model import SavedModel
+from .noise import RecordNoise
 from .result import Comparison, NoteCode, Prediction, Shift
 
 ROWS = "inverse dynamics"
@@ -53,6 +61,21 @@ class _AxisSetting:
     """Whether the recorded force contains the disturbance; None without a disturbance."""
 
 
+class _Refit(NamedTuple):
+    """The model of an axis refitted to the record, and the noise of its residual."""
+
+    z: np.ndarray
+    index: np.ndarray
+    """Indices of the fitted parameters in z."""
+    residual: np.ndarray
+    """Predicted minus recorded force of every row [F]; 0 for rows that are not compared."""
+    jacobian: np.ndarray
+    """By the fitted parameters, in noise units."""
+    spread: np.ndarray
+    """Covariance of the fitted parameters under the noise."""
+    noise: RecordNoise
+
+
 def predict_axis(
     saved: SavedModel,
     record: AxisRecord,
@@ -66,14 +89,17 @@ def predict_axis(
     setting = _setting(saved, record, held)
     problem, used = setting.problem, setting.rows.used
     unit, length = record.force_unit, record.length_unit
+    best = list(saved.tables())[-1]
+    progress("fitting this record for comparison")
+    refit = _refit(setting, best)
+    noise = refit.noise
     found: list[Comparison] = []
     position = None
+    recorded = np.asarray(problem.friction)[: len(used)]
     for name in reversed(saved.tables()):  # the better model first
         progress(f"inverse dynamics: {name}")
         error = _force_error(problem, saved.values(name))[: len(used)][used]
-        sigma = noise_from_differences(error)
-        force = np.asarray(problem.friction)[: len(used)][used]
-        found.append(Comparison.of(name, ROWS, error, force, unit, sigma))
+        found.append(Comparison.of(name, ROWS, error, recorded[used], unit, noise.sigma))
         progress(f"closed loop: {name}")
         run = _closed_loop(setting, name)
         if run is not None and record.position is not None:
@@ -84,11 +110,8 @@ def predict_axis(
             found.append(Comparison.of(name, FORCE, f, record.motor_force, unit, None))
             position = position or (record.relative_time, q, length)
     found.sort(key=lambda c: c.method != ROWS)
-    best = list(saved.tables())[-1]
     residual = _force_error(problem, saved.values(best))[: len(used)]
-    recorded = np.asarray(problem.friction)[: len(used)]
-    progress("fitting this record for comparison")
-    refit_rms, shifts = _refit(setting, best)
+    explained = found[0].rms <= noise.largest * noise.sigma
     return Prediction(
         source=str(saved.path),
         origin=record.provenance,
@@ -96,15 +119,17 @@ def predict_axis(
         force_unit=unit,
         comparisons=tuple(found),
         refitted={},
-        sigma=noise_from_differences(residual[used]),
-        refit_rms=refit_rms,
-        shifts=shifts,
+        sigma=noise.sigma,
+        refit_rms=float(np.sqrt(np.mean(refit.residual[: len(used)][used] ** 2))),
+        shifts=_shifts(setting, best, refit),
         time=setting.rows.time,
         recorded=recorded,
         predicted=np.where(used, recorded + residual, np.nan),
         position=position,
-        notes=_notes(setting),
+        notes=(*_notes(setting), warned(NoteCode.NOISE, **noise._asdict())),
         warnings=_warnings(setting),
+        largest=noise.largest,
+        chance=1.0 if explained else _chance(setting, best, refit),
     )
 
 
@@ -182,7 +207,7 @@ def _prepared(
         weight,
         EncompassingModel(BaseLaw(), effects),
         width=float(about.get("sign_width", rows.width)),
-        noise_scale=noise_from_differences(prepared.force[: prepared.rows][rows.used]),
+        noise_scale=unit_of_residuals(prepared.force[: prepared.rows][rows.used]),
     )
     return _AxisSetting(saved, record, problem, rows, inside)
 
@@ -243,17 +268,71 @@ def _position_noise(position: np.ndarray) -> float | None:
     return max(noise, count / np.sqrt(12)) if np.isfinite(count) else None
 
 
-def _refit(setting: _AxisSetting, name: str) -> tuple[float, tuple[Shift, ...]]:
-    """Refit all parameters of the model to this record; return the rms and their shifts."""
+def _refit(setting: _AxisSetting, name: str) -> _Refit:
+    """Refit all parameters of the model to this record, with errors under the record's noise."""
     saved, problem = setting.saved, setting.problem
-    values, table = saved.values(name), saved.tables()[name]
-    names = problem.model.names()
-    free = np.asarray([i for i, n in enumerate(names) if n in table["free"]])
-    fit = inverse_dynamics(problem, np.asarray(_free(problem, values)), free)
-    stds = {n: table["parameters"][n].get("std") or 0.0 for n in table["free"]}
-    own = {n: np.nan if n in fit.loose else fit.std[n] for n in (names[i] for i in free)}
-    shifts = (Shift(n, values[n], fit.values[n], float(np.hypot(stds[n], own[n]))) for n in own)
-    return fit.rms, tuple(shifts)
+    free = saved.tables()[name]["free"]
+    index = np.asarray([i for i, n in enumerate(problem.model.names()) if n in free])
+    found = force_descent(problem, np.asarray(_free(problem, saved.values(name))), index)
+    unit = float(problem.noise_scale)
+    jacobian = found.jacobian / unit
+    noise, largest = noise_of_axis(problem, setting.rows, found.residual / unit, jacobian)
+    spread = spread_of(jacobian, np.asarray(sandwich(problem.clock, jacobian, noise)))
+    told = RecordNoise(unit * float(noise.sigma), largest, float(1 - noise.white))
+    return _Refit(found.y, index, found.residual, jacobian, spread, told)
+
+
+def _known(setting: _AxisSetting, refit: _Refit) -> np.ndarray:
+    """Whether both records determine each parameter of the refit."""
+    problem = setting.problem
+    names, every = problem.model.names(), np.zeros(len(refit.z))
+    every[refit.index] = np.sqrt(np.maximum(np.diag(refit.spread), 0.0))
+    used = np.asarray(problem.friction)[np.asarray(problem.weight) > 0]
+    here = determined(problem.on_host(), refit.z, every, float(np.ptp(used)))
+    unknown = setting.saved.undetermined()
+    return np.asarray([here[i] and names[i] not in unknown for i in refit.index])
+
+
+def _shifts(setting: _AxisSetting, name: str, refit: _Refit) -> tuple[Shift, ...]:
+    """Return shifts of the parameters. The error is nan if one of the records does not determine
+    the parameter."""
+    problem, model = setting.problem, setting.saved.values(name)
+    table, names = setting.saved.tables()[name]["parameters"], problem.model.names()
+    here, slopes = problem.coordinates.from_free(refit.z), problem.coordinates.slopes(refit.z)
+    out = []
+    for k, (i, known) in enumerate(zip(refit.index, _known(setting, refit), strict=True)):
+        own = abs(float(slopes[i])) * math.sqrt(max(refit.spread[k, k], 0.0))
+        error = math.hypot(table[names[i]].get("std") or 0.0, own) if known else math.nan
+        out.append(Shift(names[i], model[names[i]], float(here[i]), error))
+    return tuple(out)
+
+
+def _chance(setting: _AxisSetting, name: str, refit: _Refit) -> float:
+    """Return the smaller chance of two tests, if no parameter has changed: that a refit lowers the
+    error as much, and that it shifts the parameters as far (`prediction.chance`).
+
+    The second test counts parameters that both records determine. A parameter at its bound is left
+    out: to first order it moves nothing.
+    """
+    problem, table = setting.problem, setting.saved.tables()[name]
+    values, names = setting.saved.values(name), problem.model.names()
+    z = np.asarray(_free(problem, values))
+    ends = [np.asarray(problem.coordinates.slopes(one))[refit.index] for one in (z, refit.z)]
+    inside = np.all(np.asarray(ends) > 0, axis=0)
+    own = np.flatnonzero(inside)
+    places = [table["free"].index(names[i]) for i in refit.index[own]]
+    before = np.nan_to_num(np.asarray(table["covariance"], float)[np.ix_(places, places)])
+    here = refit.spread[np.ix_(own, own)]
+    errors = [before / np.outer(slopes[own], slopes[own]) + here for slopes in ends]
+    columns = refit.jacobian[:, own]
+    error = _force_error(problem, values) * np.asarray(problem.weight)
+    gain = float(np.sum(error**2 - refit.residual**2)) / float(problem.noise_scale) ** 2
+    known = np.flatnonzero(_known(setting, refit)[own])
+    apart = (refit.z - z)[refit.index][own][known]
+    return min(
+        chance_of_gain(gain, columns.T @ columns, errors[0]),
+        chance_of_shifts(apart, [C[np.ix_(known, known)] for C in errors]),
+    )
 
 
 def _notes(setting: _AxisSetting) -> tuple[Warned, ...]:

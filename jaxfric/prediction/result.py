@@ -15,9 +15,6 @@ from ..schemas import PREDICTION
 
 _AS_GOOD = 1.1
 """Largest rms, over that of a refit, of a prediction that is as good as a fit."""
-_AT_NOISE = 1.3
-"""The same for an axis: largest rms of a refit, over the scatter of neighbouring rows, that is
-consistent with noise. A slider has the limit of its own noise (`noise.noise_of_record`)."""
 _SIGNIFICANT = 1e-3
 """Significance level of a change of the parameters."""
 _SHIFTED = 3.0
@@ -102,8 +99,7 @@ class Prediction(Described, Drawable, Gridded, Tabular):
     refitted: dict[str, tuple[float, float]]
     """Quantities fitted to this record: value of the model, value for this record."""
     sigma: float
-    """Noise of a row. Slider: standard deviation of white and correlated noise. Axis: scatter of
-    neighbouring rows of the residual."""
+    """Noise of a row: standard deviation of white and correlated noise together."""
     refit_rms: float
     """Root mean square residual of the same model refitted to this record."""
     shifts: tuple[Shift, ...]
@@ -116,15 +112,14 @@ class Prediction(Described, Drawable, Gridded, Tabular):
     notes: tuple[Warned, ...]
     """Notes with their codes (`NoteCode`) and values."""
     warnings: tuple[str, ...]
-    steps: VelocitySteps | None = None
-    """Velocity steps of a slider's record."""
-    largest: float = _AT_NOISE
-    """Largest rms over `sigma` that noise explains; for a slider in all but about one record of
-    a thousand."""
-    chance: float = 0.0
+    largest: float
+    """Largest rms over `sigma` that noise explains, in all but about one record of a thousand."""
+    chance: float
     """Chance that a refit lowers the error as much, or shifts the parameters as far, if none has
     changed: the smaller of both. It counts the errors of the model and of the refit. 1 if noise
-    explains the error; 0 for an axis, where it is not computed."""
+    explains the error."""
+    steps: VelocitySteps | None = None
+    """Velocity steps of a slider's record."""
 
     @property
     def rms(self) -> float:
