@@ -26,7 +26,7 @@ from .family import CurveRig, curve_family
 from .findings import effect_findings
 from .learn import Floor, learn_noise, noise_floor
 from .location import Bumps, locate
-from .refit import Candidate, estimates, minimum_at, refit
+from .refit import Candidate, estimates, least_squares, minimum_at, refit
 from .refusal import Move
 from .residual_tests import structure
 from .result import CandidateScore, Loop, LoopBase, LoopDetails, Score, ScreenedEffect
@@ -100,6 +100,8 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
         Engine.of(subject.case, subject.noise), start, scales, most=most, progress=progress
     )
     engine = found.engine
+    if found.final is not found.base and subject.kind == "slider":
+        found = found._replace(base=least_squares(engine, found.base, start))
     progress("where the structure sits")
     floor, rows = noise_floor(engine, found.final), subject.reported(engine, found)
 
