@@ -145,7 +145,7 @@ def sigma_of_means(rho: float, number: int = 10) -> float:
 
 @pytest.mark.parametrize("rho", [0.0, 0.9, 0.95, 0.98])
 def test_correlated_force_noise_is_no_missing_effect_of_an_axis(rho: float) -> None:
-    """Sigma and, for white noise, its limit by closed forms. Shifts have the size of their errors."""
+    """Sigma and, for white noise, its limit in closed form. Shifts have the size of their errors."""
     t, x, _, _, force = two_sines(8.0)
     exact = axis_table(M)
     for item in exact["parameters"].values():
