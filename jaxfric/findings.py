@@ -120,6 +120,8 @@ class WarningCode(StrEnum):
     """The record of a model does not determine parameters; values: parameters."""
     OTHER_VELOCITIES = "other_velocities"
     """Values: velocities, slowest and fastest [m/s]."""
+    SLOW_NOISE = "noise_at_its_limit"
+    """The noise is correlated over as long as the search allows; values: memory, in words."""
     FASTER = "faster"
     """Values: share of the rows, fastest speed, unit."""
     FEW_ROWS = "few_rows"

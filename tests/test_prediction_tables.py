@@ -8,12 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from jaxfric.prediction import axis, slider
 from jaxfric.prediction.chance import chance_of_shifts
 from jaxfric.prediction.model import SavedModel
-from jaxfric.prediction.noise import noise_of_record
+from jaxfric.prediction.noise import noise_of_record, structure_columns
 from jaxfric.prediction.result import Comparison, Prediction, Shift
 from jaxfric.records import VelocitySteps
 from jaxfric.records.record import Provenance
@@ -341,14 +342,12 @@ def test_the_error_of_a_slider_shift_counts_correlated_noise_and_its_own_fit(mon
     refit = SimpleNamespace(
         z=z, values={"f0": 0.5, "A": 1.0}, error=np.ones(rows), jacobian=jacobian
     )
-    monkeypatch.setattr(slider, "noise_rows", lambda *_: None)
-    monkeypatch.setattr(slider, "estimate_noise", lambda *_: SimpleNamespace(noise=None))
     monkeypatch.setattr(slider, "sandwich", lambda clock, J, noise: J.T @ root @ root.T @ J)
     made = saved([UM])
     for name in ("gain.g", "viscous.c"):
         made.content["after"]["free"].remove(name)
     setting = SimpleNamespace(saved=made, problem=problem)
-    of_refit = slider._spread(setting, "after", refit)
+    of_refit = slider._spread(setting, "after", refit, None)
     first, second = slider._shifts(setting, "after", refit, of_refit)
     data = np.zeros((rows + 1, rows + 1))
     data[:rows, :rows], data[rows, rows] = root @ root.T, 1.0
@@ -388,7 +387,9 @@ def test_the_noise_of_a_record_counts_what_is_correlated():
     problem, step = rows_of_steps()
     level = np.ones((len(step), 1))
     found = [
-        noise_of_record(problem, step, slow(np.random.default_rng(k), len(step), 8.0, 0.6), level)
+        noise_of_record(
+            problem, step, slow(np.random.default_rng(k), len(step), 8.0, 0.6), level
+        ).told
         for k in range(6)
     ]
     sigmas = np.asarray([one.sigma for one in found])
@@ -407,7 +408,7 @@ def test_structure_along_the_path_is_no_noise():
     since = np.concatenate([np.arange(400) * v for v in (0.1, 1.0, 0.1)]) * UM
     hump = np.where(step > 0, 8 * since / (8 * UM) * np.exp(1 - since / (8 * UM)), 0.0)
     noise = np.random.default_rng(5).standard_normal(len(step))
-    found = noise_of_record(problem, step, hump + noise, np.ones((len(step), 1)))
+    found = noise_of_record(problem, step, hump + noise, np.ones((len(step), 1))).told
     assert np.sqrt(np.mean((hump + noise) ** 2)) > 3
     assert found.sigma * found.largest < 0.5 * 1.5
 
@@ -418,11 +419,65 @@ def test_the_noise_of_a_short_record():
     found = [
         noise_of_record(
             problem, step, np.random.default_rng(k).standard_normal(30), np.ones((30, 1))
-        )
+        ).told
         for k in range(5)
     ]
     assert np.mean([one.sigma for one in found]) == pytest.approx(0.5, rel=0.2)
     assert all(1.2 < one.largest < 2.5 for one in found)
+
+
+def test_slow_noise_of_a_short_record_is_noise():
+    """AR(1) over six of 240 rows: sigma is that of the noise, not of its white half; and the
+    covariance of the refit has the same noise."""
+    problem, step = rows_of_steps(240)
+    level = np.ones((len(step), 1))
+    for k in range(8):
+        made = slow(np.random.default_rng(k), len(step), 6.0, 0.5)
+        found = noise_of_record(problem, step, made, level)
+        assert found.told.sigma * found.told.largest > 0.5 * np.std(made)
+        assert found.told.sigma == pytest.approx(0.5 * np.std(made), rel=0.05)
+        assert found.noise.sigma * 0.5 == pytest.approx(found.told.sigma)
+        assert 1 - found.noise.white == pytest.approx(found.told.share)
+
+
+@pytest.mark.parametrize("share", [0.25, 2.0])
+def test_the_structure_columns_hold_a_second_state(share: float):
+    """du/dx = (ln V - u)/D, solved by SciPy's Runge-Kutta from step to step, is one of the columns;
+    D is a share of the mean path of a step. Projected out, it is no noise."""
+    problem, step = rows_of_steps()
+    path = problem.clock[:, 1]
+    D, bounds = share * np.ptp(path) / 3, [0.0, 40 * UM, 440 * UM, path[-1]]
+    state, u = np.zeros(len(step)), 0.0
+    for k, aim in enumerate([0.0, np.log(10.0), 0.0]):
+        own = solve_ivp(
+            lambda x, u, aim=aim: (aim - u) / D, bounds[k : k + 2], [u], rtol=1e-9, atol=1e-12,
+            dense_output=True,
+        )  # fmt: skip
+        state[step == k], u = own.sol(path[step == k])[0], own.y[0, -1]
+    columns = structure_columns(problem.clock, step)
+    beside = state - columns @ np.linalg.lstsq(columns, state, rcond=None)[0]
+    assert np.std(beside) < 5e-3 * np.std(state)
+    noise = np.random.default_rng(3).standard_normal(len(step))
+    made = 2 * state / np.std(state) + noise
+    found = noise_of_record(problem, step, made - made.mean(), np.ones((len(step), 1)))
+    assert found.told.sigma == pytest.approx(0.5, rel=0.06) and found.slow is None
+    assert found.noise.sigma * 0.5 > 2 * found.told.sigma  # its errors count the misfit
+
+
+def test_noise_at_the_limit_is_said():
+    """Noise over a fifth of the record: its part in rows or time is at the limit, a tenth."""
+    problem, step = rows_of_steps(600)
+    made = slow(np.random.default_rng(0), len(step), 120.0, 0.7)
+    found = noise_of_record(problem, step, made, np.ones((len(step), 1)))
+    assert (
+        found.slow.over in ("time", "rows")
+        and found.slow.memory > {"time": 5, "rows": 50}[found.slow.over]
+    )
+    assert [one.code for one in slider._limits(found)] == ["noise_at_its_limit"]
+    short = noise_of_record(
+        problem, step, slow(np.random.default_rng(0), 600, 6.0, 0.7), np.ones((600, 1))
+    )
+    assert slider._limits(short) == ()
 
 
 def test_a_part_that_is_correlated_too_far_along_the_path_is_misfit():
@@ -436,7 +491,7 @@ def test_a_part_that_is_correlated_too_far_along_the_path_is_misfit():
         keep = np.exp(-(path[k] - path[k - 1]) / (60 * UM))
         wander[k] = keep * wander[k - 1] + np.sqrt(1 - keep**2) * rng.standard_normal()
     residual = 5 * wander + 0.1 * rng.standard_normal(len(step))
-    found = noise_of_record(problem, step, residual, np.ones((len(step), 1)))
+    found = noise_of_record(problem, step, residual, np.ones((len(step), 1))).told
     assert found.sigma < 0.2 * 0.5 * np.std(residual) and found.largest < 1.15
 
 

@@ -116,8 +116,8 @@ class Prediction(Described, Drawable, Gridded, Tabular):
     """Largest rms over `sigma` that noise explains, in all but about one record of a thousand."""
     chance: float
     """Chance that a refit lowers the error as much, or shifts the parameters as far, if none has
-    changed: the smaller of both. It counts the errors of the model and of the refit. 1 if noise
-    explains the error."""
+    changed: the smaller of both. It counts the errors of the model and of the refit. It is tested
+    only if noise does not explain the error, and is 1 otherwise."""
     steps: VelocitySteps | None = None
     """Velocity steps of a slider's record."""
 

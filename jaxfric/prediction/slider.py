@@ -21,7 +21,7 @@ from ..findings import Warned, WarningCode, warned
 from ..fitting.assumed import changed_stress, unsteady_start
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import forward_steps, steps_of
-from ..fitting.noise import estimate_noise, noise_rows, sandwich
+from ..fitting.noise import Noise, sandwich
 from ..fitting.padding import bucket
 from ..fitting.problem import Model, Problem
 from ..fitting.result import unit_of
@@ -36,7 +36,7 @@ from ..loop.screen import orthonormal
 from ..records import Record, VelocitySteps
 from ..rig.normal_stress import recorded_stress
 from .model import SavedModel
-from .noise import RecordNoise, noise_of_record
+from .noise import RecordNoise, SliderNoise, noise_of_record
 from .result import Comparison, NoteCode, Prediction, Shift
 
 METHOD = "friction"
@@ -93,8 +93,8 @@ def predict_slider(
     best, found = next(iter(tried.items()))
     progress("fitting this record for comparison")
     refit = _descend(setting, found.z, _fitted(setting, best))
-    spread = _spread(setting, best, refit)
-    noise = _noise(setting, best, refit)
+    judged = _noise(setting, best, refit)
+    noise, spread = judged.told, _spread(setting, best, refit, judged.noise)
     rms = float(np.sqrt(np.mean(found.error**2)))
     explained = rms <= noise.largest * noise.sigma
     chance = 1.0 if explained else _chance(setting, best, tuple(free), found, refit, spread)
@@ -117,7 +117,7 @@ def predict_slider(
         predicted=record.friction + setting.sign * found.error,
         position=None,
         notes=_notes(setting, free, noise),
-        warnings=(*_warnings(setting), *_of_record(setting)),
+        warnings=(*_warnings(setting), *_of_record(setting), *_limits(judged)),
         steps=setting.steps,
         largest=noise.largest,
         chance=chance,
@@ -254,7 +254,7 @@ def _moved(setting: _SliderSetting, name: str, refit: _Found) -> np.ndarray:
     return np.asarray(fitted + list(range(len(names), len(refit.z))), int)
 
 
-def _noise(setting: _SliderSetting, name: str, refit: _Found) -> RecordNoise:
+def _noise(setting: _SliderSetting, name: str, refit: _Found) -> SliderNoise:
     """Return the noise of this record."""
     problem = setting.problem
     columns = refit.jacobian[: problem.time.shape[0], _moved(setting, name, refit)]
@@ -263,15 +263,11 @@ def _noise(setting: _SliderSetting, name: str, refit: _Found) -> RecordNoise:
     return noise_of_record(problem, np.maximum(step, 0), residual, columns)
 
 
-def _spread(setting: _SliderSetting, name: str, refit: _Found) -> np.ndarray:
-    """Return the covariance (q, q) of the refit in z, with noise correlated like its residual."""
+def _spread(setting: _SliderSetting, name: str, refit: _Found, noise: Noise) -> np.ndarray:
+    """Return the covariance (q, q) of the refit in z under the noise of this record."""
     problem, index = setting.problem, _moved(setting, name, refit)
     columns = jnp.asarray(refit.jacobian[:, index])
     n = problem.time.shape[0]
-    residual = jnp.asarray(refit.error / float(problem.noise_scale))
-    padded = jnp.zeros(n).at[: len(refit.error)].set(residual)
-    rows = noise_rows(problem.clock, problem.weight, padded, columns[:n])
-    noise = estimate_noise(rows).noise
     middle = np.array(sandwich(problem.clock, columns[:n], noise))
     held = range(len(_fitted(setting, name)), len(index))
     middle[held, held] += 1.0
@@ -375,6 +371,13 @@ def _warnings(setting: _SliderSetting) -> tuple[str, ...]:
         values = {"velocities": which, "slowest": slowest, "fastest": fastest}
         told.append(warned(WarningCode.OTHER_VELOCITIES, **values))
     return tuple(told)
+
+
+def _limits(judged: SliderNoise) -> tuple[str, ...]:
+    """Return a warning of noise that is as slow as the search allows."""
+    if judged.slow is None:
+        return ()
+    return (warned(WarningCode.SLOW_NOISE, memory=judged.slow.text()),)
 
 
 def _of_record(setting: _SliderSetting) -> tuple[str, ...]:
