@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from jaxfric.prediction import axis, slider
-from jaxfric.prediction.chance import chance_of_shifts
+from jaxfric.prediction.chance import chance_of_gain, chance_of_shifts
 from jaxfric.prediction.model import SavedModel
 from jaxfric.prediction.noise import noise_of_record, structure_columns
 from jaxfric.prediction.result import Comparison, Prediction, Shift
@@ -318,6 +318,11 @@ def test_the_chance_of_an_axis_is_that_of_chi_square(monkeypatch, at):
         size = 2.0 * np.sqrt(np.quantile(gains, 1 - level) / 70)
         monkeypatch.setattr(axis, "_force_error", lambda *_, size=size: size * error)
         assert axis._chance(setting, "after", still) == pytest.approx(level, rel=0.35)
+
+
+def test_the_chance_of_a_gain_along_equal_directions_is_exact():
+    found = chance_of_gain(17.0, np.eye(5), 2 * np.eye(5))
+    assert found == pytest.approx(stats.chi2.sf(17.0 / 2, 5))
 
 
 def test_the_larger_errors_of_a_shift_count():
