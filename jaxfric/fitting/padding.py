@@ -44,12 +44,13 @@ def counted_rows(
     """
     clock, weight, columns, scale = (np.asarray(x) for x in (clock, weight, columns, scale))
     on = np.flatnonzero(weight > 0)
-    if len(on) in (0, len(weight)):
+    size = bucket(len(weight))
+    if not len(on) or len(on) == len(weight) == size:
         return clock, weight, columns, scale
     if np.any(np.diff(clock, axis=0) < 0):
         gone = np.cumsum(np.abs(np.diff(clock, axis=0)), axis=0)
         clock = np.concatenate([np.zeros_like(clock[:1]), gone])
-    taken = np.append(on, np.full(len(weight) - len(on), on[-1]))
-    filled = (np.arange(len(weight)) < len(on)).astype(float)
+    taken = np.append(on, np.full(size - len(on), on[-1]))
+    filled = (np.arange(size) < len(on)).astype(float)
     columns = columns[taken] * filled.reshape(-1, *[1] * (columns.ndim - 1))
     return clock[taken], weight[taken] * filled, columns, scale[taken] if scale.ndim else scale

@@ -4,10 +4,10 @@ Damped Newton steps find the parameters of a `Family`. The derivatives are finit
 the likelihood between noises that are evaluated in one pass (`likelihood`).
 
 `estimate_noise` starts from white noise and adds a part, then exchanges a part for another, while
-this lowers the BIC. `estimate_together` estimates one noise of many residuals. `profile_noise`
-keeps the parts and estimates their sizes anew. In a very long record the search for parts uses a
-few stretches of rows, and the estimate of their sizes more stretches. The standard deviation sigma
-and the likelihood use all rows.
+this lowers the BIC. `estimate_together`
+estimates one noise of many residuals. `profile_noise` keeps the parts and estimates their sizes
+anew. In a very long record the search for parts uses a few stretches of rows, and the estimate of
+their sizes more stretches. The standard deviation sigma and the likelihood use all rows.
 """
 
 import itertools
@@ -22,6 +22,8 @@ from ...threads import side_by_side
 from ..padding import Numbers, counted_rows, padded_columns
 from ..thresholds import FEW
 from . import thresholds as const
+from .autocorrelation import autocorrelation
+from .estimate import noise_estimate
 from .families import Family, inside, noises_at
 from .likelihood import restricted
 from .model import Noise, Noises, white_of
@@ -277,8 +279,10 @@ def _restricted_at(record: NoiseRows, parts: tuple, sigma: float) -> float:
 def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
     """The likeliest noise, built part by part while the BIC falls.
 
-    The part that is added first may be a compromise between two others. So another part takes the
-    place of each part in turn while that lowers the BIC; a second oscillation is allowed.
+    The part that is added first may be a compromise between two others. If the autocorrelation
+    contradicts the noise, each part in turn is left out and another sought beside the rest. At last
+    another part takes the place of each part in turn, the rest as it is, while that clearly lowers
+    the BIC. A second oscillation is allowed.
     """
     best = _best_of(record, Family(), np.zeros((1, 0)))
     for _ in range(const.MOST_PARTS):
@@ -287,9 +291,24 @@ def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
         if not _pays(record, more, best):
             break
         best = more
+    for _ in range(const.EXCHANGES):
+        number = len(best.family.terms)
+        if not number or not _contradicted(record, best):
+            break
+        rests = [best] if number < const.MOST_PARTS else []
+        for k in range(number) if number > 1 else ():
+            family, theta = best.family.without(k, best.theta)
+            rests.append(_best_of(record, family, theta[None]))
+        kinds = [Exponential, Resonator]
+        found = [_with_another(record, rest, kinds) for rest in rests]
+        more = max(found, key=lambda one: one.value - record.worth * one.family.parameters)
+        if not _pays(record, more, best):
+            break
+        best = more
     for _ in range(const.EXCHANGES if best.family.terms else 0):
         more = _exchanged(record, best)
-        if not _pays(record, more, best):
+        extra = more.family.parameters - best.family.parameters
+        if not more.value - best.value > (1 + extra) * record.worth:  # clearly better
             break
         best = more
     return best
@@ -320,6 +339,14 @@ def _pays(record: NoiseRows, more: Found, best: Found) -> bool:
     """Whether the BIC of `more` is below that of `best`."""
     extra = more.family.parameters - best.family.parameters
     return more.value - best.value > max(extra * record.worth, const.SETTLED)
+
+
+def _contradicted(record: NoiseRows, found: Found) -> bool:
+    """Whether the autocorrelation of the residual contradicts a noise (`autocorrelation`)."""
+    clock, residual = np.asarray(record.clock), record.columns[:, 0] / record.scale
+    known = np.where(np.asarray(record.weight) > 0, residual, np.nan)
+    noise = noise_estimate(found.noise, 1.0, record.limits.longest)
+    return bool(autocorrelation(clock, known, noise).beyond())
 
 
 def _with_another(record: NoiseRows, best: Found, kinds: Sequence[type[AbstractPart]]) -> Found:
