@@ -30,11 +30,11 @@ from ..fitting.stages import prepare
 from ..fitting.stiffness import MachineStiffness, alike
 from ..fitting.thresholds import FAILED_MISFIT
 from ..fitting.uncertainty import spread_of
-from ..loop.residual_tests import chi_square_tail
 from ..loop.sampling import seen_between
 from ..loop.screen import orthonormal
 from ..records import Record, VelocitySteps
 from ..rig.normal_stress import recorded_stress
+from .chance import chance_of_gain, chance_of_shifts
 from .model import SavedModel
 from .noise import RecordNoise, SliderNoise, noise_of_record
 from .result import Comparison, NoteCode, Prediction, Shift
@@ -285,18 +285,10 @@ def _chance(
     """Return the smaller chance of two tests, if no parameter has changed: that a refit lowers the
     error as much, and that it shifts the parameters as far.
 
-    d is the difference of two estimates of the parameters that only the refit moves, with the
-    errors C of both.
-
-    Gain: the sum of squares falls by d^T K d to first order. K = J^T J, with J less the directions
-    that both move. The distribution of d^T K d is approximated by a scaled chi-square with the same
-    mean tr(K C) and variance 2 tr(K C K C) (Satterthwaite 1946, doi:10.2307/3002019). One direction
-    that the model does not know dominates tr(K C), and hides shifts in the others.
-
-    Shifts (Wald): d^T C^-1 d is chi-square, with d of the parameters that the model's own record
-    determines. The errors of a badly known length are not symmetric; so C is linearised at the
-    model and at the refit, and the larger chance of both counts. A parameter at its bound is left
-    out: to first order it moves nothing.
+    Both tests (`prediction.chance`) take the difference of two estimates of the parameters that
+    only the refit moves, with the errors of both. The curvature is that of the residual beside the
+    directions that both move. The second test counts parameters that the model's own record
+    determines. A parameter at its bound is left out: to first order it moves nothing.
     """
     problem, table = setting.problem, setting.saved.tables()[name]
     index, fitted = _moved(setting, name, refit), _fitted(setting, name)
@@ -313,20 +305,14 @@ def _chance(
     columns = refit.jacobian[:, index]
     both = orthonormal(np.delete(columns, own, axis=1))
     alone = columns[:, own] - both @ (both.T @ columns[:, own])
-    product = alone.T @ alone @ errors[0]
-    mean, square = float(np.trace(product)), float(np.trace(product @ product))
-    if not square > 0:
-        return 0.0
     gain = float(np.sum(found.error**2 - refit.error**2)) / float(problem.noise_scale) ** 2
-    of_gain = chi_square_tail(gain * mean / square, max(mean**2 / square, 1.0))
     unknown = setting.saved.undetermined()
     known = [k for k, place in enumerate(own) if fitted[place] not in unknown]
     apart = (refit.z - found.z)[index[own]][known]
-    of_shifts = (
-        chi_square_tail(float(apart @ np.linalg.solve(C[np.ix_(known, known)], apart)), len(known))
-        for C in errors
+    return min(
+        chance_of_gain(gain, alone.T @ alone, errors[0]),
+        chance_of_shifts(apart, [C[np.ix_(known, known)] for C in errors]),
     )
-    return min(of_gain, max(of_shifts))
 
 
 def _shifts(
