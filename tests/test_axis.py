@@ -566,7 +566,7 @@ def test_bad_input(tmp_path, monkeypatch):
         asked.update(options)
         raise jaxfric.InputError("no need to go on")
 
-    monkeypatch.setattr("jaxfric.axis.close_axis_loop", made_up)
+    monkeypatch.setattr("jaxfric.close_axis_loop", made_up)
     assert_refused(run(*given, "--cutoff", "50 Hz"), "no need to go on")
     assert asked["preparation"] == (50.0, 10)
     assert_refused(run(*given), "no need to go on")

@@ -150,7 +150,7 @@ def test_a_reversed_force_is_refused_at_once_and_turned(tmp_path, monkeypatch, s
         asked.append(record.motor_force[0])
         raise jaxfric.InputError("no need to go on")
 
-    monkeypatch.setattr("jaxfric.axis.close_axis_loop", close)
+    monkeypatch.setattr("jaxfric.close_axis_loop", close)
     for flip in (("--flip-sign", "force"), ("--flip-sign", "motion"), ("--flip-sign",)):
         assert_refused(run(*given, *flip), "no need to go on")
     recorded = 1e-3 * float(wrong[1].split(",")[2])

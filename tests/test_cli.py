@@ -272,7 +272,7 @@ def test_a_folder_that_cannot_be_written_is_known_before_the_fit(
     def fit(*arguments, **options):
         raise AssertionError("fitted first")
 
-    monkeypatch.setattr("jaxfric.fitting.fit", fit)
+    monkeypatch.setattr("jaxfric.fit", fit)
     assert_refused(run("fit", "run.csv", *STIFFNESS, "--out", "run.csv"), "is a file")
 
 
@@ -301,7 +301,7 @@ def test_an_interrupt_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, cap
     def fit(*arguments, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("jaxfric.fitting.fit", fit)
+    monkeypatch.setattr("jaxfric.fit", fit)
     monkeypatch.setattr(sys, "argv", ["jaxfric", "fit", "run.csv", *STIFFNESS])
     with pytest.raises(SystemExit) as ended:
         main()
@@ -383,7 +383,7 @@ def test_a_fault_of_the_program_is_one_line(monkeypatch: pytest.MonkeyPatch) -> 
     def fit(*arguments, **options):
         raise RuntimeError("first\nsecond")
 
-    monkeypatch.setattr("jaxfric.fitting.fit", fit)
+    monkeypatch.setattr("jaxfric.fit", fit)
     code, out, err = run("fit", "run.csv", *STIFFNESS)
     assert code == 1 and out == "" and err.count("\n") == 1
     assert err.startswith("jaxfric: error: internal error (RuntimeError: first second)")

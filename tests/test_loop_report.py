@@ -979,7 +979,7 @@ def closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         for path in paths:
             path.write_bytes(b"<svg/>" if path.suffix == ".svg" else b"")
 
-    monkeypatch.setattr("jaxfric.loop.close_loop", close_loop)
+    monkeypatch.setattr("jaxfric.close_loop", close_loop)
     for name in FIGURES:
         monkeypatch.setitem(FIGURES, name, lambda loop: None)
     monkeypatch.setattr("jaxfric.plot.style.write", write)
@@ -1034,7 +1034,7 @@ def test_an_axis(closed: dict[str, Any], monkeypatch) -> None:
         closed.update(options, read=len(record))
         return made
 
-    monkeypatch.setattr("jaxfric.axis.close_axis_loop", close_axis_loop)
+    monkeypatch.setattr("jaxfric.close_axis_loop", close_axis_loop)
     turns = (f"{k / 10},{100 * np.sin(k / 9)},{k % 7}\n" for k in range(90))
     written(Path("a.csv"), "time [s],position [mm],motor_force [N]\n" + "".join(turns))
     options = ("--zero-order-hold", "--include", "cubic", "--max-effects", 2, "--cutoff", "4 Hz")

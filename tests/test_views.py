@@ -197,7 +197,7 @@ def test_a_summary_says_what_the_page_says(result):
     told, page = result.summary(), views.report(result)
     assert told.startswith(f"{type(result).__name__}\n{page.headline[0]}")
     for table in page.tables:
-        assert table.title in told
+        assert not table.rows or table.title in told
     assert all(f"warning: {w}"[:60] in told.replace("\n", " ") for w in page.warnings)
 
 
