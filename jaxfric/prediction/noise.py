@@ -27,11 +27,11 @@ from ..fitting.noise import (
     NoisePart,
     Noises,
     estimate_noise,
+    gram_of,
     least_noise,
     longest_memory,
     noise_estimate,
     noise_rows,
-    products,
     recorded_steps,
     rms_error,
 )
@@ -200,8 +200,8 @@ def _deviance(
     """Return the deviance of a residual whose `columns` have free coefficients."""
     both = padded_columns(np.column_stack([residual, columns]))
     noises = jax.tree.map(lambda x: np.asarray(x)[None], Noises(noise.white, noise.parts))
-    gram, log_determinant = products(clock, mask.astype(float), both, np.ones(()), noises)
-    gram = np.asarray(gram[0])
+    grams, log_determinant = gram_of(clock, mask.astype(float), both, np.ones(()), noises)
+    gram = grams[0]
     size = np.sqrt(np.where(np.diag(gram) > 0, np.diag(gram), 1.0))
     scaled = gram / np.outer(size, size)
     values, vectors = np.linalg.eigh(scaled[1:, 1:])
