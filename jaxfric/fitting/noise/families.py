@@ -60,8 +60,7 @@ class Family(NamedTuple):
         for k, (kind, _) in enumerate(self.terms):
             terms, own = list(self.terms), self.split(np.array(theta))
             terms[k] = kind.over(clock)
-            size, memory, *shape = own[k]
-            own[k] = np.array([size, 0.0, *(x + memory for x in shape)])
+            own[k][1] = 0.0
             found.append((Family(tuple(terms)), np.concatenate(own)))
         return found
 
@@ -108,7 +107,7 @@ def noises_around(
     first, last, number = thetas[0], thetas[-1], len(family.terms)
     each = zip(*[sizes] * number, strict=True) if alike else itertools.product(sizes, repeat=number)
     shifts = [
-        [x for size, (kind, _) in pairs for x in (size, memory, *[0.0] * (kind.parameters - 2))]
+        [x for size, (kind, _) in pairs for x in (size, memory, *[memory] * (kind.parameters - 2))]
         for pairs in (list(zip(own, family.terms, strict=True)) for own in each)
         for memory in memories
     ]

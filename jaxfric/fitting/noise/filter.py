@@ -1,17 +1,21 @@
 """The Kalman filter of a noise with any number of parts, which whitens many columns in one pass.
 
 The time of the filter is linear in the number of rows. Rows may be unevenly sampled, and excluded
-rows are skipped. A noise has few states, so loops over states are unrolled to scalar operations.
-Products of small matrices in every row would take longer.
+rows are skipped. The states of all parts form one vector x, with the transition matrix T and the
+process noise Q from a row to the next. With the covariance P of x before a row, and h that sums the
+first states of the parts, the filter computes
+
+    d = h^T P h + white,   k = T P h/d,   P <- T P T^T - d k k^T + Q.
 
 The quasi-separable kernels of the package tinygp solve the same equations, but with one coordinate
 for all terms. The package tinygp lacks separate clocks, a part of negative variance, skipped rows,
 and the restricted likelihood of many columns.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,42 +26,53 @@ from ..padding import Numbers, padded_columns
 from ..thresholds import FEW, WIDE
 from . import thresholds as const
 from .model import Noise, distances
-from .parts import AbstractPart, Matrix
-
-_Terms = list[list[tuple[int, Array]]]
-"""For every state: the states that contribute to it in the next row, with factors."""
+from .parts import AbstractPart, times
 
 
-class Moves(NamedTuple):
-    """Change of the states of every noise part from one row to the next."""
+class Moves(eqx.Module):
+    """Change of the states of a noise from one row to the next."""
 
-    turn: tuple[Matrix, ...]
-    """Transitions, entries (*g, n)."""
-    gained: tuple[Matrix, ...]
-    """Process-noise covariances of the states: lower triangles."""
+    turn: Float[Array, "*g n s s"]
+    """T."""
+    gained: Float[Array, "*g n s s"]
+    """Q."""
+    first: tuple[int, ...] = eqx.field(static=True)
+    """Indices of the states that add to a row: the first of every part."""
 
 
 def moves_of(parts: Sequence[AbstractPart], away: Float[Numbers, "n k"]) -> Moves:
     """Changes of the states of all noise parts over the distances `away` on the clocks."""
-    turn = tuple(part.transition(away) for part in parts)
-    return Moves(turn, tuple(p.gained(f) for p, f in zip(parts, turn, strict=True)))
+    turn = [part.transition(away) for part in parts]
+    gained = [part.gained(own) for part, own in zip(parts, turn, strict=True)]
+    ends = np.cumsum([own.shape[-1] for own in turn]).tolist()
+    return Moves(_together(turn, away), _together(gained, away), (0, *ends)[: len(turn)])
+
+
+def _together(blocks: list[Array], away: Float[Numbers, "n k"]) -> Array:
+    """Matrices with the matrices of the parts on their diagonals."""
+    number = sum(own.shape[-1] for own in blocks)
+    whole = jnp.zeros((*(blocks[0].shape[:-2] if blocks else (len(away),)), number, number))
+    begin = 0
+    for own in blocks:
+        end = begin + own.shape[-1]
+        whole, begin = whole.at[..., begin:end, begin:end].set(own), end
+    return whole
 
 
 class Carried(NamedTuple):
-    """The filter's state between rows: the mean of every noise state for every column. All columns
-    share the covariance of the states (lower triangle).
+    """The filter's state between rows: the mean of the states for every column, and their
+    covariance, which all columns share.
     """
 
-    mean: list[Float[Array, " m"]]
-    spread: list[list[Float[Array, ""]]]
+    mean: Float[Array, "s m"]
+    spread: Float[Array, "s s"]
 
 
 def at_first_row(parts: Sequence[AbstractPart], columns: Float[Numbers, "n m"]) -> Carried:
     """The filter's state before the first row of the columns."""
-    own = [jnp.asarray(part.share * v) for part in parts for v in part.variances()]
-    none = jnp.zeros(())
-    spread = [[own[i] if i == j else none for j in range(i + 1)] for i in range(len(own))]
-    return Carried([jnp.zeros_like(columns[0]) for _ in own], spread)
+    own = [part.share * v for part in parts for v in part.variances()]
+    spread = jnp.diag(jnp.array(own)) if own else jnp.zeros((0, 0))
+    return Carried(jnp.zeros((len(own), columns.shape[1])), spread)
 
 
 def filtered(
@@ -76,83 +91,42 @@ def filtered(
     Rows not `used` are skipped; `white` is the share of white noise. The filter continues from the
     state `begun` and returns its last state.
     """
-    seen = _seen(moves.turn)
 
     def advance(
-        carry: Carried, row: tuple[Array, Array, Moves]
+        carry: Carried, row: tuple[Array, Array, Array, Array]
     ) -> tuple[Carried, tuple[Array, Array]]:
         mean, spread = carry
-        y, hidden, (turn, gained) = row
-        gain, inverse, spread = _update(spread, hidden + white, seen)
-        predicted = _sum(mean[i] for i in seen)
+        y, hidden, turn, gained = row
+        gain, inverse, spread = _update(spread, hidden + white, turn, gained, moves.first)
+        predicted = _seen(mean, moves.first)
         misfit = y / jnp.sqrt(inverse) if backwards else y - predicted
         out = predicted + misfit if backwards else misfit * jnp.sqrt(inverse)
-        terms = _terms(turn)
-        known = [m + k * misfit for m, k in zip(mean, gain, strict=True)]
-        carry = Carried(_turned(known, terms), _forecast(spread, terms, gained))
+        carry = Carried(times(turn, mean) + gain[:, None] * misfit, spread)
         return carry, (out, jnp.where(hidden > 0, 0.0, jnp.log(inverse)))
 
-    rows = jnp.asarray(columns), jnp.where(used, 0.0, const.HIDDEN), moves
-    return jax.lax.scan(advance, begun, rows)
+    hidden = jnp.where(used, 0.0, const.HIDDEN)
+    return jax.lax.scan(advance, begun, (jnp.asarray(columns), hidden, moves.turn, moves.gained))
 
 
-def _sum(terms: Iterable[Array]) -> Array:
-    first, *more = [*terms] or [jnp.zeros(())]
-    return sum(more, first)
-
-
-def _seen(turn: tuple[Matrix, ...]) -> list[int]:
-    """Indices of the states that add to a row: the first of every part."""
-    return [0, *np.cumsum([len(own) for own in turn]).tolist()][: len(turn)]
-
-
-def _terms(turn: tuple[Matrix, ...]) -> _Terms:
-    """Contributions to the next states; they come from states of the same part only."""
-    begin = _seen(turn)
-    return [
-        [(first + k, x) for k, x in enumerate(row)]
-        for first, own in zip(begin, turn, strict=True)
-        for row in own
-    ]
+def _seen(states: Float[Array, "s *m"], first: tuple[int, ...]) -> Float[Array, " *m"]:
+    """The sum h^T x of the states that add to a row."""
+    return sum((states[i] for i in first), jnp.zeros(states.shape[1:]))
 
 
 def _update(
-    spread: list[list[Array]], white: Float[Array, ""], seen: list[int]
-) -> tuple[list[Array], Array, list[list[Array]]]:
-    """Gains, inverse innovation variance, and covariance of the states after the row is
-    observed."""
-    number = range(len(spread))
-    along = [_sum(spread[max(i, j)][min(i, j)] for j in seen) for i in number]
-    inverse = 1 / (_sum(along[i] for i in seen) + white)
-    gain = [x * inverse for x in along]
-    return (
-        gain,
-        inverse,
-        [[spread[i][j] - gain[i] * along[j] for j in range(i + 1)] for i in number],
-    )
-
-
-def _turned(mean: list[Array], terms: _Terms) -> list[Array]:
-    """The means of the states in the next row."""
-    return [_sum(f * mean[k] for k, f in row) for row in terms]
-
-
-def _forecast(
-    spread: list[list[Array]], terms: _Terms, gained: tuple[Matrix, ...]
-) -> list[list[Array]]:
-    """Covariance of the states in the next row."""
-
-    def entry(i: int, j: int) -> Array:
-        return _sum(
-            f * _sum(g * spread[max(k, m)][min(k, m)] for m, g in terms[j]) for k, f in terms[i]
-        )
-
-    found = [[entry(i, j) for j in range(i + 1)] for i in range(len(spread))]
-    for first, own in zip(_seen(gained), gained, strict=True):
-        for i, row in enumerate(own):
-            for j, x in enumerate(row):
-                found[first + i][first + j] = found[first + i][first + j] + x
-    return found
+    spread: Float[Array, "s s"],
+    white: Float[Array, ""],
+    turn: Float[Array, "s s"],
+    gained: Float[Array, "s s"],
+    first: tuple[int, ...],
+) -> tuple[Float[Array, " s"], Float[Array, ""], Float[Array, "s s"]]:
+    """Gain k, inverse innovation variance 1/d, and covariance P before the next row."""
+    along = _seen(spread, first)
+    inverse = 1 / (_seen(along, first) + white)
+    moved = jnp.sum(turn * along, axis=1)
+    gain = moved * inverse
+    kept = times(times(turn, spread), turn.T)
+    return gain, inverse, kept - gain[:, None] * moved + gained
 
 
 def innovations(
@@ -201,30 +175,28 @@ def coloured(
     return found * (scale * used)[:, None]
 
 
-class Whitening(NamedTuple):
+class Whitening(eqx.Module):
     """The filter of `whiten` with precomputed gains, which depend on noise and clocks alone.
 
     For a fixed noise a `Whitening` takes a small part of the time that `whiten` takes.
     """
 
-    gain: list[Float[Array, " n"]]
-    turn: tuple[Matrix, ...]
+    gain: Float[Array, "n s"]
+    turn: Float[Array, "n s s"]
     size: Float[Numbers, " n"]
     """1 over the standard deviation of a row's innovation; 0 for skipped rows."""
+    first: tuple[int, ...] = eqx.field(static=True)
+    """As in `Moves`."""
 
     def __call__(self, columns: Float[Numbers, "n m"]) -> Float[Array, "n m"]:
         """The columns in units of the noise and uncorrelated."""
-        seen = _seen(self.turn)
 
-        def advance(
-            mean: list[Array], row: tuple[Array, list[Array], tuple[Matrix, ...]]
-        ) -> tuple[list[Array], Array]:
+        def advance(mean: Array, row: tuple[Array, Array, Array]) -> tuple[Array, Array]:
             y, gain, turn = row
-            misfit = y - _sum(mean[i] for i in seen)
-            known = [m + k * misfit for m, k in zip(mean, gain, strict=True)]
-            return _turned(known, _terms(turn)), misfit
+            misfit = y - _seen(mean, self.first)
+            return times(turn, mean) + gain[:, None] * misfit, misfit
 
-        start = [jnp.zeros_like(columns[0]) for _ in self.gain]
+        start = jnp.zeros((self.gain.shape[1], columns.shape[1]))
         _, misfit = jax.lax.scan(advance, start, (jnp.asarray(columns), self.gain, self.turn))
         return misfit * self.size[:, None]
 
@@ -233,19 +205,17 @@ class Whitening(NamedTuple):
 def whitening(clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], noise: Noise):
     """The `Whitening` of a noise whose scale is the same in all rows."""
     used, moves = weight > 0, moves_of(noise.parts, distances(clock))
-    seen = _seen(moves.turn)
 
-    def advance(
-        spread: list[list[Array]], row: tuple[Array, Moves]
-    ) -> tuple[list[list[Array]], tuple[list[Array], Array]]:
-        hidden, (turn, gained) = row
-        gain, inverse, spread = _update(spread, hidden + noise.white, seen)
-        return _forecast(spread, _terms(turn), gained), (gain, inverse)
+    def advance(spread: Array, row: tuple[Array, Array, Array]) -> tuple[Array, tuple]:
+        hidden, turn, gained = row
+        gain, inverse, spread = _update(spread, hidden + noise.white, turn, gained, moves.first)
+        return spread, (gain, inverse)
 
     start = at_first_row(noise.parts, jnp.zeros((1, 0))).spread
-    _, (gain, inverse) = jax.lax.scan(advance, start, (jnp.where(used, 0.0, const.HIDDEN), moves))
+    rows = (jnp.where(used, 0.0, const.HIDDEN), moves.turn, moves.gained)
+    _, (gain, inverse) = jax.lax.scan(advance, start, rows)
     size = jnp.where(used, jnp.sqrt(inverse) / (noise.sigma * noise.scale), 0.0)
-    return Whitening(gain, moves.turn, size)
+    return Whitening(gain, moves.turn, size, moves.first)
 
 
 # ---- many columns, few compilations

@@ -31,8 +31,10 @@ from jaxtyping import Array, ArrayLike, Float
 from ..padding import Numbers
 from . import thresholds as const
 
-Matrix = tuple[tuple[Array, ...], ...]
-"""Rows of entries that are arrays (*g, n)."""
+
+def times(left: Float[Array, "*g s k"], right: Float[Array, "*g k m"]) -> Float[Array, "*g s m"]:
+    """The product of small matrices, as a sum over an axis: a `@` takes longer for each row."""
+    return jnp.sum(left[..., :, :, None] * right[..., None, :, :], axis=-2)
 
 
 class Limits(NamedTuple):
@@ -74,8 +76,8 @@ class AbstractPart(eqx.Module):
         """Variance (*g) of every state, in units of the variance of the first state."""
 
     @abc.abstractmethod
-    def transition(self, away: Float[Numbers, "n k"]) -> Matrix:
-        """Transition matrix of the states over distances on the clocks."""
+    def transition(self, away: Float[Numbers, "n k"]) -> Float[Array, "*g n s s"]:
+        """Transition matrices of the states over distances on the clocks."""
 
     @abc.abstractmethod
     def exponentials(self) -> tuple[tuple[Array | complex, Array | complex], ...]:
@@ -115,18 +117,14 @@ class AbstractPart(eqx.Module):
         """d over distances on the clocks."""
         return jnp.einsum("nk,...k->...n", away, self.rates)
 
-    def gained(self, turn: Matrix) -> Matrix:
-        """Process-noise covariance of a `transition`, lower triangle. The process noise replaces
-        the covariance that the states lose, because the process is stationary.
+    def gained(self, turn: Float[Array, "*g n s s"]) -> Float[Array, "*g n s s"]:
+        """Process-noise covariance of a `transition`. The process noise replaces the covariance
+        that the states lose, because the process is stationary.
         """
-        share = jnp.asarray(self.share)[..., None]
-        own = [share * jnp.asarray(v)[..., None] for v in self.variances()]
-
-        def entry(i: int, j: int) -> Array:
-            kept = [turn[i][k] * turn[j][k] * v for k, v in enumerate(own)]
-            return sum((-x for x in kept), own[i] if i == j else jnp.zeros(()))
-
-        return tuple(tuple(entry(i, j) for j in range(i + 1)) for i in range(len(own)))
+        share = jnp.asarray(self.share)
+        own = jnp.stack([share * v for v in self.variances()], axis=-1)[..., None, None, :]
+        kept = times(turn * own, jnp.swapaxes(turn, -1, -2))
+        return own * jnp.eye(turn.shape[-1]) - kept
 
     def with_share(self, share: ArrayLike) -> Self:
         """The same part with another share."""
@@ -145,9 +143,9 @@ class AbstractExponential(AbstractPart):
         """1: it has one state."""
         return (1.0,)
 
-    def transition(self, away: Float[Numbers, "n k"]) -> Matrix:
+    def transition(self, away: Float[Numbers, "n k"]) -> Float[Array, "*g n 1 1"]:
         """exp(-d)."""
-        return ((jnp.exp(-self.forgotten(away)),),)
+        return jnp.exp(-self.forgotten(away))[..., None, None]
 
     def exponentials(self) -> tuple[tuple[float, float]]:
         """exp(-d) itself."""
@@ -244,8 +242,8 @@ class Resonator(AbstractPart):
         beta = jnp.asarray(self.beta)
         return 1.0, 1 + jnp.where(beta > 0, beta, -(self._damped() ** 2))
 
-    def transition(self, away: Float[Numbers, "n k"]) -> Matrix:
-        """Transition matrix from the solution of the oscillator's equation. Computing sines takes
+    def transition(self, away: Float[Numbers, "n k"]) -> Float[Array, "*g n 2 2"]:
+        """Transition matrices from the solution of the oscillator's equation. Computing sines takes
         half the time of a filter, so sines are computed once, and only if some part oscillates.
         """
         d = self.forgotten(away)
@@ -260,7 +258,8 @@ class Resonator(AbstractPart):
         )
         c = jnp.where(swings, one * cosine, 0.5 * (slow + fast))
         q = jnp.where(swings, one * sine / w, 0.5 * (slow - fast) / s)
-        return (c + q, q), (-self.variances()[1][..., None] * q, c - q)
+        rows = (c + q, q), (-self.variances()[1][..., None] * q, c - q)
+        return jnp.stack([jnp.stack(row, axis=-1) for row in rows], axis=-2)
 
     def exponentials(self) -> tuple[tuple[Array, Array], ...]:
         """Sizes and rates of the two roots of the oscillator: 1 +- s, s^2 = -beta."""
@@ -276,28 +275,28 @@ class Resonator(AbstractPart):
 
     @classmethod
     def starts(cls, memories: Sequence[float]) -> list[tuple[float, ...]]:
-        """Starting correlation lengths, each with a few natural frequencies ln(1 + beta)/2."""
-        return [(m, s - m) for s in const.SHAPES for m in memories]
+        """Starting correlation lengths, each with a few shapes ln(1 + beta)/2."""
+        return [(m, s) for s in const.SHAPES for m in memories]
 
     @classmethod
     def bounds(cls, low: float, high: float) -> list[tuple[float, float]]:
-        """Bounds of size, correlation length and natural frequency."""
-        least, most = const.SHAPE_ENDS
-        size = const.LARGEST
-        return [(-size, size), (low, high), (least - high, most - low)]
+        """Bounds of size, correlation length and shape."""
+        return [(-const.LARGEST, const.LARGEST), (low, high), const.SHAPE_ENDS]
 
     @classmethod
     def at(cls, theta: Float[np.ndarray, "g 3"], limits: Limits, clock: int) -> "Resonator":
-        """Parts from three logarithms: of the variance over the white variance, the longest
-        correlation length, and the natural frequency sqrt(1 + beta)/memory. A period of a resonator
-        has at least four rows.
+        """Parts from three logarithms: of the variance over the white variance, a correlation
+        length m, and the shape sqrt(1 + beta).
+
+        The rate is sqrt(1 + 4/(1 + beta)^2)/m, which is smooth at critical damping. The longest
+        correlation length is m far from critical damping, and shorter near it (m/2.2 at beta = 0).
+        A period of a resonator has at least four rows.
         """
-        size, memory = np.exp(theta[:, :2]).T
-        fastest = (0.5 * np.pi * memory / limits.gaps[clock]) ** 2
-        shape = np.clip(theta[:, 2] + theta[:, 1], *const.SHAPE_ENDS)
-        beta = np.minimum(np.expm1(2 * shape), fastest)
-        shorter = memory * (1 - np.sqrt(np.maximum(-beta, 0.0)))
-        return cls(size, rates_of(shorter, clock, len(limits.gaps)), beta)
+        size, memory, shape = np.exp(theta).T
+        inverse_rate = memory / np.sqrt(1 + 4 / shape**4)
+        fastest = (0.5 * np.pi * inverse_rate / limits.gaps[clock]) ** 2
+        beta = np.minimum(shape**2 - 1, fastest)
+        return cls(size, rates_of(inverse_rate, clock, len(limits.gaps)), beta)
 
     def longest(self) -> np.ndarray:
         """1/(1 - s), the correlation length of the slower root."""

@@ -1,13 +1,13 @@
 """Estimates the noise of a residual by restricted likelihood: white, plus a few correlated parts.
 
-Damped Newton steps find the parameters of a `Family`. The derivatives are finite differences of
-the likelihood between noises that are evaluated in one pass (`likelihood`).
+Damped Newton steps within bounds find the parameters of a `Family`. The derivatives are finite
+differences of the likelihood between noises that are evaluated in one pass (`likelihood`).
 
 `estimate_noise` starts from white noise and adds a part, then exchanges a part for another, while
-this lowers the BIC. `estimate_together`
-estimates one noise of many residuals. `profile_noise` keeps the parts and estimates their sizes
-anew. In a very long record the search for parts uses a few stretches of rows, and the estimate of
-their sizes more stretches. The standard deviation sigma and the likelihood use all rows.
+this lowers the BIC. `estimate_together` estimates one noise of many residuals. `profile_noise`
+keeps the parts and estimates their sizes anew. In a very long record the search for parts uses a
+few stretches of rows, and the estimate of their sizes more stretches. The standard deviation sigma
+and the likelihood use all rows.
 """
 
 import itertools
@@ -439,10 +439,8 @@ def _refined(record: NoiseRows, best: Found, worth: float = -np.inf) -> Found:
         around, trials, promised = _newton(record, family, best.theta)
         if best.value + promised < worth:
             break
-        trials = inside(trials, family, record.limits)
         found = _best(record, family, trials, *record.values(family, trials))
-        if not found.value > best.value:  # a kink: a resonator of the shortest period
-            found = around
+        found = max(found, around, key=lambda one: one.value)
         gain = found.value - best.value
         best = found if gain > 0 else best
         if not gain > const.SETTLED:
@@ -453,8 +451,11 @@ def _refined(record: NoiseRows, best: Found, worth: float = -np.inf) -> Found:
 def _newton(
     record: NoiseRows, family: Family, theta: np.ndarray
 ) -> tuple[Found, np.ndarray, float]:
-    """The likeliest of the points around theta; Newton steps from theta with many dampings; and the
-    largest gain of such a step at constant slope."""
+    """The likeliest of the points around theta; Newton steps from theta with many dampings, cut at
+    the bounds; and the largest gain of such a step at constant slope.
+
+    A parameter at a bound that the likelihood would take beyond it stays there.
+    """
     q, step = len(theta), const.STEP
     low, high = family.bounds(record.limits)
     centre = np.clip(theta, low + step, np.maximum(high - step, low + step))
@@ -463,11 +464,13 @@ def _newton(
     points = centre + np.concatenate([np.zeros((1, q)), unit, -unit, unit[one] + unit[two]])
     values, sigmas = record.values(family, points)
     here, plus, minus, both = np.split(values, [1, q + 1, 2 * q + 1])
-    slope = (plus - minus) / (2 * step)
     curve = np.diag((plus + minus - 2 * here) / step**2)
     curve[one, two] = curve[two, one] = (both - plus[one] - plus[two] + here) / step**2
+    slope = (plus - minus) / (2 * step) + curve @ (theta - centre)
+    held = ((theta <= low) & (slope < 0)) | ((theta >= high) & (slope > 0))
+    slope, curve = np.where(held, 0.0, slope), np.where(held[:, None] | held, 0.0, curve)
     scale, vectors = np.linalg.eigh(-curve)
     damped = np.abs(scale) + np.geomspace(1e-3, 1e3, const.DAMPINGS)[:, None]
     steps = np.clip((vectors.T @ slope / damped) @ vectors.T, -2.0, 2.0)
     around = _best(record, family, points, values, sigmas)
-    return around, centre + steps, float(np.max(steps @ slope))
+    return around, np.clip(theta + steps, low, high), float(np.max(steps @ slope))

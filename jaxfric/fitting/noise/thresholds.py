@@ -49,7 +49,7 @@ REFINED = 2
 TOGETHER, ALONE = 8, 64
 """Noises per whitening pass. More take as long for each, and every number is compiled. For the
 residual alone more fit in the cache."""
-NEWTON, DAMPINGS, STEP = 12, 8, 0.2
+NEWTON, DAMPINGS, STEP = 12, 8, 0.05
 """Most Newton steps, dampings tried in each, and the step of finite differences. The curvature of a
 likelihood changes over a unit of theta."""
 SETTLED = 0.02
