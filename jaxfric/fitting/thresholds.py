@@ -76,7 +76,7 @@ COMPARED = 10
 
 FEWEST_PADDED = 256
 """Smallest padded number of rows, velocities or knots, so that few shapes are compiled."""
-FEW, WIDE = 8, 48
+FEW, WIDE = 16, 48
 """Multiples of columns to pad to; the larger for rare passes, so that fewer shapes are compiled."""
 
 # ---- errors and warnings

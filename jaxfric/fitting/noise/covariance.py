@@ -11,7 +11,6 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ...traced import traced
 from ..padding import Numbers, padded_columns
-from ..thresholds import FEW
 from .model import Noise, distances
 
 _Terms = Sequence[tuple[Array, Array]]
@@ -35,7 +34,7 @@ def sandwich(
     if not noise.parts:
         scaled = np.reshape(noise.sigma * noise.scale, (-1, 1)) * np.asarray(jacobian)
         return scaled.T @ scaled
-    wide = padded_columns(np.asarray(jacobian), size=2 * FEW)  # few shapes for the compiler
+    wide = padded_columns(np.asarray(jacobian))  # few shapes for the compiler
     found = np.asarray(_sandwich(clock, wide, noise))
     return found[: jacobian.shape[1], : jacobian.shape[1]]
 
@@ -74,7 +73,8 @@ def rms_error(clock: Float[Numbers, "n *k"], used: ArrayLike, noise: Noise) -> f
     rms.
     """
     sizes = np.asarray(used, float) * np.asarray(noise.scale) ** 2
-    return math.sqrt(0.5 * float(_squares(clock, sizes, noise))) / max(float(sizes.sum()), 1e-300)
+    squares = float(_squares(clock, sizes, noise) if noise.parts else np.sum(sizes**2))
+    return math.sqrt(0.5 * squares) / max(float(sizes.sum()), 1e-300)
 
 
 @traced
@@ -82,8 +82,6 @@ def _squares(
     clock: Float[Numbers, "n *k"], sizes: Float[Numbers, " n"], noise: Noise
 ) -> Float[Array, ""]:
     """Sum over all pairs of rows: squared correlation times both sizes."""
-    if not noise.parts:
-        return jnp.sum(sizes**2)
     terms = _terms(clock, noise)
     pairs = [(a * b, p + q) for (a, p), (b, q) in itertools.product(terms, terms)]
     white = (1 - (1 - noise.white) ** 2) * jnp.sum(sizes**2)

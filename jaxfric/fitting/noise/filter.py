@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float
 
 from ...traced import traced
 from ..padding import Numbers, padded_columns
-from ..thresholds import FEW, WIDE
+from ..thresholds import FEW
 from . import thresholds as const
 from .model import Noise, distances
 from .parts import AbstractPart, times
@@ -156,23 +156,31 @@ def whiten(
     return innovations(clock, weight, columns, noise)[0] / noise.sigma
 
 
-@traced
 def coloured(
+    clock: Float[Numbers, "n *k"],
+    weight: Float[Numbers, " n"],
+    white: Float[np.ndarray, "n m"],
+    noise: Noise,
+) -> Float[np.ndarray, "n m"]:
+    """Convert columns of white noise of variance 1 to columns of this noise: inverse of `whiten`.
+
+    Rows of zero weight return 0.
+    """
+    scale = (np.asarray(noise.sigma * noise.scale) * (np.asarray(weight) > 0))[:, None]
+    return scale * (white if noise.is_white else np.asarray(_coloured(clock, weight, white, noise)))
+
+
+@traced
+def _coloured(
     clock: Float[Numbers, "n *k"],
     weight: Float[Numbers, " n"],
     white: Float[Numbers, "n m"],
     noise: Noise,
 ) -> Float[Array, "n m"]:
-    """Convert columns of white noise of variance 1 to columns of this noise: inverse of `whiten`.
-
-    Rows of zero weight return 0.
-    """
     used = weight > 0
     moves, begun = moves_of(noise.parts, distances(clock)), at_first_row(noise.parts, white)
     white = white * used[:, None]
-    _, (found, _) = filtered(used, white, noise.white, moves, begun, backwards=True)
-    scale = noise.sigma * jnp.broadcast_to(noise.scale, weight.shape)
-    return found * (scale * used)[:, None]
+    return filtered(used, white, noise.white, moves, begun, backwards=True)[1][0]
 
 
 class Whitening(eqx.Module):
@@ -226,7 +234,7 @@ _innovations = traced(innovations)
 def innovations_of(
     clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], column: np.ndarray, noise: Noise
 ) -> tuple[np.ndarray, float]:
-    """`innovations` of one column (n,), padded to eight columns to share a compilation."""
+    """`innovations` of one column (n,), padded to `FEW` columns to share a compilation."""
     columns = padded_columns(column[:, None])
     white, size = _innovations(clock, weight, columns, _by_row(noise, len(columns)))
     return np.asarray(white)[:, 0], float(size)
@@ -244,11 +252,10 @@ def whitened(
     if noise.is_white:  # nothing to filter
         size = np.broadcast_to(noise.sigma * np.asarray(noise.scale), len(columns))
         return columns * (np.asarray(weight) > 0)[:, None] / size[:, None]
-    wide = FEW if columns.shape[1] <= FEW else WIDE
     noise, parts = _by_row(noise, len(columns)), []
-    for begin in range(0, columns.shape[1], wide):
-        part = columns[:, begin : begin + wide]
-        white, _ = _innovations(clock, weight, padded_columns(part, size=wide), noise)
+    for begin in range(0, columns.shape[1], FEW):
+        part = columns[:, begin : begin + FEW]
+        white, _ = _innovations(clock, weight, padded_columns(part), noise)
         parts.append(np.asarray(white)[:, : part.shape[1]] / float(noise.sigma))
     return np.concatenate(parts, axis=1) if parts else np.array(columns)
 
