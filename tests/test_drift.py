@@ -165,7 +165,7 @@ def hardening(seed, *, per_mm, A=0.008, B=0.0081, noise=5e-4):
 def test_hardening_with_slip_is_no_velocity_strengthening(seed):
     """Friction weakens with velocity and hardens with slip; before the step the noise hides it. The
     fit without a trend has A > B by two errors, and says nothing of stability."""
-    record, K = hardening(seed, per_mm=0.003)
+    record, K = hardening(seed, per_mm=0.0025, noise=1e-3)
     fit = jf.fit(record, stiffness=K)
     assert fit.A_minus_B.value > 2 * fit.A_minus_B.std and drift_warning(fit) == ()
     told = fit.stability()

@@ -103,8 +103,8 @@ def axis(speeds, back=None, strokes=3, length=0.05, others=()):
     """Motor force of an axis whose friction falls up to 10 mm/s and then grows, and which of the
     rows are of strokes at each speed, there and back; `back` has the speeds of the way back."""
     pieces, marks = [np.zeros(20)], [np.zeros(20)]
-    for speed, other in zip(speeds, speeds if back is None else back, strict=True):
-        for _ in range(strokes):
+    for _ in range(strokes):
+        for speed, other in zip(speeds, speeds if back is None else back, strict=True):
             for v in (speed, -other):
                 n = int(RATE * length / abs(v))
                 pieces += [np.full(n, v), np.zeros(20)]

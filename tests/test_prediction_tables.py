@@ -407,12 +407,13 @@ def test_the_noise_of_a_record_counts_what_is_correlated():
     assert all(0.4 < one.share < 0.8 for one in found)
 
 
-def test_structure_along_the_path_is_no_noise():
+@pytest.mark.parametrize("seed", range(5, 9))
+def test_structure_along_the_path_is_no_noise(seed):
     """A hump after every step, as a missing state leaves it: sigma stays near that of the noise."""
     problem, step = rows_of_steps()
     since = np.concatenate([np.arange(400) * v for v in (0.1, 1.0, 0.1)]) * UM
     hump = np.where(step > 0, 8 * since / (8 * UM) * np.exp(1 - since / (8 * UM)), 0.0)
-    noise = np.random.default_rng(5).standard_normal(len(step))
+    noise = np.random.default_rng(seed).standard_normal(len(step))
     found = noise_of_record(problem, step, hump + noise, np.ones((len(step), 1))).told
     assert np.sqrt(np.mean((hump + noise) ** 2)) > 3
     assert found.sigma * found.largest < 0.5 * 1.5

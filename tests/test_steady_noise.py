@@ -154,7 +154,7 @@ def test_what_turns_is_said_to_turn():
 def test_angles_are_told_in_turns_and_long_paths_in_millimetres():
     assert NoisePart(0.4, "angle", TURN).text() == "1 turn"
     swing = NoisePart(0.4, "angle", TURN, beta=4.0)
-    assert swing.text() == "1 turn, swinging every 3.14 turns"
+    assert swing.text() == "1 turn, swinging every 2.92 turns"
     told = NoiseEstimate(1.0, (swing,), (2.0, 0.1 * TURN, 25.0), clocks=ROTARY_CLOCKS)
     assert len(noise_lines(told)) == 2  # its size and its bound: no origin, which is not tested
     assert told.bound() == "2 s or 0.1 turns or 25 rows"

@@ -84,7 +84,7 @@ def test_a_part_moves_to_the_clock_of_the_pace():
     np.testing.assert_allclose(first.parts[0].rates, [[0, 0, 1]])
     np.testing.assert_allclose(first.parts[1].rates, was.parts[1].rates)
     np.testing.assert_allclose(second.parts[0].rates, was.parts[0].rates)
-    np.testing.assert_allclose(second.parts[1].rates, [[0, 0, 1]])
+    np.testing.assert_allclose(second.parts[1].rates, [[0, 0, second.parts[1].memory()[0]]])
     np.testing.assert_allclose(second.parts[1].beta, was.parts[1].beta)
     for moved in (first, second):
         np.testing.assert_allclose([p.share for p in moved.parts], [p.share for p in was.parts])

@@ -181,7 +181,7 @@ def _likeliest(
 def _at_limit(part: AbstractPart, longest: np.ndarray) -> bool:
     """Whether a part is correlated as far as the limit of its clock allows."""
     clock = int(np.argmax(part.rates))
-    return bool(part.longest() >= _AT_LIMIT * part.rates[clock] * longest[clock])
+    return bool(part.memory() >= _AT_LIMIT * part.rates[clock] * longest[clock])
 
 
 def _is_misfit(part: AbstractPart, longest: np.ndarray) -> bool:

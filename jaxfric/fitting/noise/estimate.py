@@ -11,7 +11,7 @@ from . import thresholds as const
 from .glitches import NO_GLITCHES, Glitches, ToldRecord, glitch_words
 from .hum import Hum
 from .model import Noise
-from .parts import Exponential, Resonator
+from .parts import AbstractPart, Exponential, Resonator
 from .quantisation import least_noise, step_words
 
 CLOCKS = ("time", "path", "rows")
@@ -34,15 +34,16 @@ class NoisePart:
     """The clock over which this part is correlated: one of `CLOCKS` or `ROTARY_CLOCKS`, or "pace":
     rows in units of the correlation length of their velocity step."""
     memory: float
-    """Correlation length in [s], [m], [rad] or rows; the longer of two for an overdamped
-    resonator."""
+    """Correlation length in [s], [m], [rad] or rows (`parts`)."""
     beta: float = EXPONENTIAL
     """w^2 of a resonator (see `noise`), or `EXPONENTIAL`."""
 
     @property
     def period(self) -> float:
         """Period of an oscillating part, in the unit of `memory`; else infinite."""
-        return 2 * math.pi * self.memory / math.sqrt(self.beta) if self.beta > 0 else math.inf
+        if self.beta <= 0:
+            return math.inf
+        return 2 * math.pi * self.memory / float(self._of_rate_1.memory()[0] * self.beta**0.5)
 
     @property
     def swings(self) -> bool:
@@ -51,14 +52,16 @@ class NoisePart:
 
     def correlation(self, apart: np.ndarray) -> np.ndarray:
         """Correlation of rows at the distances `apart` (n,) on the clock of this part."""
-        one = np.ones(1)
-        own = (
-            Resonator(one, one, self.beta * one)
-            if self.beta > EXPONENTIAL
-            else Exponential(one, one)
-        )
-        d = np.abs(apart) / self.memory * own.longest()
+        own = self._of_rate_1
+        d = np.abs(apart) / self.memory * own.memory()
         return np.real(sum(size * np.exp(-rate * d) for size, rate in own.exponentials()))
+
+    @property
+    def _of_rate_1(self) -> AbstractPart:
+        one = np.ones(1)
+        if self.beta == EXPONENTIAL:
+            return Exponential(one, one)
+        return Resonator(one, one, self.beta * one)
 
     def text(self) -> str:
         """The correlation length as text: "2.1 s", "3.4 µm of load-point motion", "3 rows"."""
@@ -208,7 +211,7 @@ def noise_estimate(
         if part.share != 0:
             clock = int(np.argmax(part.rates))
             beta = float(part.beta) if isinstance(part, Resonator) else EXPONENTIAL
-            memory = float(part.longest() / part.rates[clock])
+            memory = float(part.memory() / part.rates[clock])
             over = "pace" if clocks[clock] == "rows" and by_step[0] else clocks[clock]
             parts.append(NoisePart(float(part.share), over, memory, beta))
     parts.sort(key=lambda part: -part.share)

@@ -84,8 +84,8 @@ class AbstractPart(eqx.Module):
         """Sizes and rates (*g) of rho as a sum of size exp(-rate d); both may be complex."""
 
     @abc.abstractmethod
-    def longest(self) -> np.ndarray:
-        """The longest correlation length of the part, in units of 1 over its rate."""
+    def memory(self) -> np.ndarray:
+        """The correlation length of the part, in units of 1 over its rate."""
 
     @classmethod
     @abc.abstractmethod
@@ -151,8 +151,8 @@ class AbstractExponential(AbstractPart):
         """exp(-d) itself."""
         return ((1.0, 1.0),)
 
-    def longest(self) -> np.ndarray:
-        """1: it has one correlation length."""
+    def memory(self) -> np.ndarray:
+        """1: rho falls to 1/e there."""
         return np.ones(())
 
     @classmethod
@@ -285,22 +285,25 @@ class Resonator(AbstractPart):
 
     @classmethod
     def at(cls, theta: Float[np.ndarray, "g 3"], limits: Limits, clock: int) -> "Resonator":
-        """Parts from three logarithms: of the variance over the white variance, a correlation
-        length m, and the shape sqrt(1 + beta).
+        """Parts from three logarithms: of the variance over the white variance, the correlation
+        length, and the shape sqrt(1 + beta).
 
-        The rate is sqrt(1 + 4/(1 + beta)^2)/m, which is smooth at critical damping. The longest
-        correlation length is m far from critical damping, and shorter near it (m/2.2 at beta = 0).
         A period of a resonator has at least four rows.
         """
         size, memory, shape = np.exp(theta).T
-        inverse_rate = memory / np.sqrt(1 + 4 / shape**4)
+        inverse_rate = memory / cls(size, size, shape**2 - 1).memory()
         fastest = (0.5 * np.pi * inverse_rate / limits.gaps[clock]) ** 2
         beta = np.minimum(shape**2 - 1, fastest)
         return cls(size, rates_of(inverse_rate, clock, len(limits.gaps)), beta)
 
-    def longest(self) -> np.ndarray:
-        """1/(1 - s), the correlation length of the slower root."""
-        return 1 / (1 - np.sqrt(np.maximum(-np.asarray(self.beta), 0.0)))
+    def memory(self) -> np.ndarray:
+        """sqrt(1 + 4/(1 + beta)^2).
+
+        It is smooth at critical damping, where the longer of the two correlation lengths has a
+        kink. It nears that length if the part is strongly overdamped, and 1, the decay of the
+        oscillation, if beta is large. At critical damping rho is .35 there.
+        """
+        return np.sqrt(1 + 4 / (1 + np.asarray(self.beta)) ** 2)
 
 
 KINDS: tuple[type[AbstractPart], ...] = (Exponential, Alternating, Resonator)
