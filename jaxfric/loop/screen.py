@@ -20,7 +20,7 @@ from .engine import Engine
 from .evaluate import Rows
 from .evidence import evidence
 from .refit import Candidate
-from .thresholds import SEEN, SHAPES
+from .thresholds import ACCEPT, OTHER_SHAPE, SEEN, SHAPES
 
 
 class Screened(NamedTuple):
@@ -31,6 +31,9 @@ class Screened(NamedTuple):
     """BIC with the effect minus that of the base: below 0 is better."""
     z: np.ndarray
     """Parameters to start a joint fit from."""
+    other: np.ndarray | None = None
+    """The start of the best shape that differs by a factor of two or more, if first order does not
+    rule it out: the likelihood of a ripple has many maxima over the wavelength."""
 
 
 class Screening(NamedTuple):
@@ -106,12 +109,19 @@ def screen(engine: Engine, current: Candidate, scales: RecordScales) -> list[Scr
         possible = [k for k, z in enumerate(starts) if engine.physical((id,), z)]
         near = [k for k in possible if engine.moderate(current.z, starts[k])]
         chosen = max(near or possible or range(len(found)), key=lambda k: found[k][0])
-        (gain, _, i), z = found[chosen], starts[chosen]
+        (gain, column, i), z = found[chosen], starts[chosen]
+        apart = [
+            k
+            for k in near or possible
+            if found[k][0] > gain - ACCEPT
+            and any(abs(v - column.shape[p]) > OTHER_SHAPE for p, v in found[k][1].shape.items())
+        ]
+        other = starts[max(apart, key=lambda k: found[k][0])] if apart else None
         if not possible:  # the record shows the opposite of the effect
             gain = 0.0
         count = fewest + len(engine.model.columns((id,)))
         delta = count * np.log(effective[i]) - fewest * np.log(effective[0]) - gain
-        best.append(Screened(id, float(delta), z))
+        best.append(Screened(id, float(delta), z, other))
     return sorted(best, key=lambda s: s.delta_bic)
 
 

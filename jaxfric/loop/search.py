@@ -228,6 +228,8 @@ def refit_safely(
         return not candidate.failed and 2 * less < LOST_LIKELIHOOD
 
     best = refit(engine, effects, one.z)
+    if one.other is not None:
+        best = min(best, refit(engine, effects, one.other), key=lambda c: (c.failed, c.bic))
     for part in PARTS:
         if found(best):
             break
@@ -277,7 +279,7 @@ def _swapped(now: Search, scales: RecordScales, progress: Callable[[str], None])
         without = now.best_of([e for e in current.effects if e != id])
         if without is None or without.failed:
             return refit(engine, effects, start)
-        return refit_safely(engine, effects, seen._replace(z=start), without)
+        return refit_safely(engine, effects, seen._replace(z=start, other=None), without)
 
     best = current
     for (_, other, _), candidate in zip(asked, engine.each(fitted, asked), strict=True):
