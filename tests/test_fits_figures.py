@@ -88,6 +88,16 @@ def test_test_errors(name):
     assert not stale(page(name), "test error falls from # to # sigma", *both)
 
 
+@pytest.mark.parametrize("name", ["undeclared_effect", "basalt_step4", "sepiolite_step1", "emps"])
+def test_intervals_of_a_loop_hold_their_values(name):
+    """Of both models: the one before is that of least squares, where no likelihood has its peak."""
+    loop = content(f"{name}/loop/loop.json")
+    for fit in (loop["before"], loop["after"]):
+        told = [*fit["parameters"].values(), *filter(None, [fit.get("A_minus_B")])]
+        for one in told:
+            assert one["lower"] is None or one["lower"] < one["value"] < one["upper"], one
+
+
 def test_torques_of_screw_drives():
     for name, rows in (
         ("screwdrive1", {"Coulomb and viscous friction, directions apart": "before",
