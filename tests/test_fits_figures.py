@@ -98,6 +98,14 @@ def test_intervals_of_a_loop_hold_their_values(name):
             assert one["lower"] is None or one["lower"] < one["value"] < one["upper"], one
 
 
+def test_records_of_results_lie_beside_the_project():
+    """A result holds the path of its record as given: one of the machine that made it is no use."""
+    results = {path: json.loads(path.read_text(encoding="utf-8")) for path in FITS.rglob("*.json")}
+    records = [one.get("record") for one in results.values() if isinstance(one, dict)]
+    paths = [one["path"] for one in records if isinstance(one, dict) and "path" in one]
+    assert len(paths) > 5 and not [path for path in paths if Path(path).is_absolute()]
+
+
 def test_torques_of_screw_drives():
     for name, rows in (
         ("screwdrive1", {"Coulomb and viscous friction, directions apart": "before",
