@@ -326,12 +326,7 @@ def _exchanged(record: NoiseRows, best: Found) -> Found:
             if sorted(family.terms, key=str) != sorted(best.family.terms, key=str):
                 starts[family] = np.concatenate([starts.get(family, thetas[:0]), thetas])
     found = sorted(_likeliest(record, starts), key=lambda one: one.family.parameters - one.value)
-
-    def refined(one: Found) -> Found:
-        more = one.family.parameters - best.family.parameters
-        return _refined(record, one, best.value + more * record.worth)
-
-    found = side_by_side(refined, found[: const.REFINED])
+    found = _refined_to_pay(record, best, found[: const.REFINED])
     return max(found, key=lambda one: one.value - record.worth * one.family.parameters)
 
 
@@ -364,12 +359,7 @@ def _with_another(record: NoiseRows, best: Found, kinds: Sequence[type[AbstractP
     found = found[: const.REFINED]
     at_once = {one.family: _all_parts(one.family, limits) for one in found}
     found += _likeliest(record, {family: some for family, some in at_once.items() if len(some)})
-
-    def refined(one: Found) -> Found:
-        more = one.family.parameters - family.parameters
-        return _refined(record, one, best.value + more * record.worth)
-
-    found = side_by_side(refined, found)
+    found = _refined_to_pay(record, best, found)
     return max(found, key=lambda one: one.value - 3 * one.family.parameters)
 
 
@@ -446,6 +436,16 @@ def _refined(record: NoiseRows, best: Found, worth: float = -np.inf) -> Found:
         if not gain > const.SETTLED:
             break
     return best
+
+
+def _refined_to_pay(record: NoiseRows, best: Found, found: Sequence[Found]) -> list[Found]:
+    """Noises that are refined as long as they can have a lower BIC than `best`."""
+
+    def refined(one: Found) -> Found:
+        extra = one.family.parameters - best.family.parameters
+        return _refined(record, one, best.value + extra * record.worth)
+
+    return side_by_side(refined, found)
 
 
 def _newton(
