@@ -34,9 +34,9 @@ def correlated(kept, random):
     return x
 
 
-def made(noise, coordinate="rotary", scales=None):
+def made(noise, coordinate="rotary", scales=None, dt=DT):
     """Runs of friction 2 sgn v with some noise of every run times its scale."""
-    time = DT * np.arange(ROWS)
+    time = dt * np.arange(ROWS)
     sizes = np.full(len(SPEEDS), 0.1) if scales is None else scales
     forces = [2 * np.sign(v) + s * x for v, s, x in zip(SPEEDS, sizes, noise, strict=True)]
     std = np.array([x.std(ddof=1) for x in forces])
@@ -123,14 +123,14 @@ def test_noise_over_time_of_an_axis_in_metres():
     assert set(noise.estimate.to_json()["max_correlation"]) == {"time", "path", "rows"}
 
 
-def rippled(share, random):
+def rippled(share, random, dt=DT):
     """Noise that is forgotten over 0.5 rad, and what repeats every turn, in every run of a phase
     of its own."""
     found = []
     for v in SPEEDS:
-        angle = np.abs(v) * DT * np.arange(ROWS) + random.uniform(0, TURN)
+        angle = np.abs(v) * dt * np.arange(ROWS) + random.uniform(0, TURN)
         ripple = np.sqrt(2 * share) * np.sin(angle)
-        rest = correlated(np.exp(-np.abs(v) * DT / 0.5), random)
+        rest = correlated(np.exp(-np.abs(v) * dt / 0.5), random)
         found.append(ripple + np.sqrt(1 - share) * rest)
     return found
 
@@ -149,6 +149,20 @@ def test_what_turns_is_said_to_turn():
     words = "% of the variance of a run is there again one turn later"
     assert later == f"{100 * noise.after_a_turn:.0f} {words}"
     assert "by its own rows" in worth
+
+
+def test_a_ripple_beside_more_noise_is_found_in_long_runs():
+    """Here a search that begins with the short correlation finds no ripple, and counts fewer than
+    half of the independent samples."""
+    random, share, dt = np.random.default_rng(2), 0.3, 0.03
+    noise = steady_noise(made(rippled(share, random, dt), dt=dt))
+    assert noise is not None
+    (part,) = [p for p in noise.estimate.parts if p.swings]
+    assert part.over == "angle" and part.period == pytest.approx(TURN, rel=0.05)
+    assert part.share == pytest.approx(share, abs=0.1)
+    # the ripple cancels in the mean over many turns: the rest, forgotten over 0.5 rad, is left
+    rest = 2.5 * dt * ROWS / (2 * 0.5) / (1 - share)
+    assert noise.effective[3] == pytest.approx(rest, rel=0.25)
 
 
 def test_angles_are_told_in_turns_and_long_paths_in_millimetres():

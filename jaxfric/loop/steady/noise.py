@@ -164,7 +164,8 @@ def _likeliest(
     found = estimate_noise(rows, least=least)
     if not rotary:
         return found
-    memory, once = math.log(MEMORY * longest[_ANGLE]), 0.0  # logarithm of 2 pi/turn [1/rad]
+    memory = math.log(MEMORY * longest[_ANGLE])
+    once = memory  # the shape of an oscillation that decays slowly is its frequency times memory
     family = Family((Exponential.over(_ANGLE), Resonator.over(_ANGLE)))
     starts = [np.array([SIZE, memory + a, SIZE, memory, once]) for a in SHORTER]
     turning = profile_noise(rows, family, starts, least=least)
