@@ -147,6 +147,24 @@ def test_a_loop_under_hum_is_clean_and_names_it():
     assert len(told[0]["rms_by_step"]) == 4
 
 
+def test_a_fit_under_hum_is_the_fit_without_it_and_names_it():
+    hummed, clean = (
+        jf.fit(record_of(TRUE._replace(share=share), 3), stiffness=TRUE.K) for share in (1.0, 0.0)
+    )
+    (hum,) = hummed.noise.hum
+    assert abs(hum.frequency - 100.0) < 0.1 and clean.noise.hum == ()
+    # hum has the variance of the other noise, which the fit without hum keeps
+    assert np.std(hummed.hum) == pytest.approx(TRUE.sigma, rel=0.1)
+    assert hummed.rms == pytest.approx(clean.rms, rel=0.03)
+    assert np.std(hummed.residual) == pytest.approx(hummed.rms, rel=0.01)
+    for name in "ABL":
+        one, other = hummed.parameters[name], clean.parameters[name]
+        assert abs(one.value - other.value) < 0.5 * other.std
+        assert one.std == pytest.approx(other.std, rel=0.25)
+    assert [round(line["frequency"]) for line in hummed.to_json()["noise"]["hum"]] == [100]
+    assert "hum at 100.0 Hz is taken out" in str(hummed.summary())
+
+
 @pytest.mark.long
 def test_a_loop_calls_no_wave_along_the_path_hum():
     """Of 2 um: 50 Hz at 100 um/s."""

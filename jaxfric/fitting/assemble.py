@@ -44,11 +44,12 @@ def assemble(solved: Solved, profile: Callable[[str], None] | None = None) -> Fi
     """The `Fit` of a solution. `profile` is the progress callback of profile likelihoods; with None
     no profile is computed.
     """
-    task, problem, solution, (noise, *_), glitches, written, longest = solved
+    task, problem, solution, (noise, *_), glitches, written, longest, hum = solved
     record, steps, sign = task.record, task.given, task.sign
     assert isinstance(problem.model, Model)
     failed = solution.failed
     misfit = _misfit(problem, solution, len(record))
+    clean = sign * np.asarray(problem.friction)[: len(record)]
     counted = misfit[np.asarray(problem.weight)[: len(record)] > 0]
     spread = covariance(problem, np.asarray(solution.jacobian), noise)
     ended = solution.converged and not failed
@@ -69,10 +70,11 @@ def assemble(solved: Solved, profile: Callable[[str], None] | None = None) -> Fi
         free=names,
         covariance=matrix,
         correlation=correlation_of(matrix),
-        predicted=record.friction + sign * misfit,
+        predicted=clean + sign * misfit,
+        hum=record.friction - clean,
         sum_of_squares=float(np.sum(counted**2)),
         rms=float(np.sqrt(np.mean(counted**2))),
-        noise=noise_estimate(noise, scale, longest, glitches=glitches, steps=written),
+        noise=noise_estimate(noise, scale, longest, glitches=glitches, steps=written, hum=hum),
         converged=ended,
         result=result,
         iterations=solution.trials,

@@ -51,7 +51,7 @@ def drift_before(fit: Fit) -> Drift | None:
     if len(before) < 5 * BLOCKS:
         return None
     x = fit.steps.displacement(time)
-    left = np.asarray(fit.record.friction) - fit.predicted
+    left = fit.residual
     ends = np.linspace(0, len(before), BLOCKS + 1).astype(int)
     u, y = (np.add.reduceat(values[before], ends[:-1]) / np.diff(ends) for values in (x, left))
     u = u - u.mean()

@@ -38,10 +38,12 @@ from .noise import (
     NO_GLITCHES,
     ROUNDS,
     Glitches,
+    Hum,
     NoiseRows,
     estimate_noise,
     estimate_together,
     find_glitches,
+    find_hum,
     held_noise,
     least_noise,
     longest_memory,
@@ -191,10 +193,11 @@ def finished(
     profile: Callable[[str], None] | None = None,
 ) -> Fit:
     """The `Fit` of a solution and the noise of its residual. The estimated noise refines the
-    solution: outliers are excluded, the weights on step times balanced, and residuals whitened if
-    `whitened`.
+    solution: hum is subtracted from the record, outliers are excluded, the weights on step times
+    balanced, and residuals whitened if `whitened`.
     """
     written = recorded_steps(task.record.friction)
+    problem, solution, hum = _without_hum(task, problem, solution)
     found = _noise(problem, solution, written)
     problem, solution, found, glitches = _without_glitches(task, problem, solution, found, written)
     if not whitened and (len(problem.hold) or not solution.converged):
@@ -207,7 +210,8 @@ def finished(
         problem = problem.whitened(found.noise)
         solution = _settled(problem, solution)
     longest = longest_memory(problem.clock)
-    return assemble(Solved(task, problem, solution, found, glitches, written, longest), profile)
+    solved = Solved(task, problem, solution, found, glitches, written, longest, hum)
+    return assemble(solved, profile)
 
 
 def with_shared_noise(fits: Sequence[Fit]) -> list[Fit]:
@@ -430,13 +434,37 @@ def _noise(
     return found._replace(noise=found.noise._replace(sigma=sigma))
 
 
+def _step_of_row(task: FitTask, problem: Problem) -> np.ndarray:
+    """The velocity step of every row."""
+    return np.searchsorted(np.asarray(task.steps.times), np.asarray(problem.time), side="right") - 1
+
+
+def _without_hum(
+    task: FitTask, problem: Problem, solution: Solution
+) -> tuple[Problem, Solution, tuple[Hum, ...]]:
+    """The problem and solution of the record without its hum, and the hum [friction]."""
+    if solution.failed:
+        return problem, solution, ()
+    n, scale = len(task.record), float(problem.noise_scale)
+    columns = np.column_stack([np.asarray(x) for x in data_part(problem, solution)])[:n]
+    time, path = np.asarray(problem.clock)[:n, :2].T
+    on = np.asarray(problem.weight)[:n] > 0
+    found, wave = find_hum(time, path, _step_of_row(task, problem)[:n], on, columns)
+    if not found:
+        return problem, solution, ()
+    friction = np.array(problem.friction)
+    friction[:n] += scale * wave  # residual = predicted - recorded
+    problem = dataclasses.replace(problem, friction=jnp.asarray(friction))
+    return problem, _settled(problem, solution), tuple(one.scaled(scale) for one in found)
+
+
 def _without_glitches(
     task: FitTask, problem: Problem, solution: Solution, found: FoundNoise, written: float
 ) -> tuple[Problem, Solution, FoundNoise, Glitches]:
     """The problem, solution and noise without outliers, searched for at most twice. `found` is the
     noise of the fit with them; `written` is the quantisation step of friction."""
     glitches = NO_GLITCHES
-    step = np.searchsorted(np.asarray(task.steps.times), np.asarray(problem.time), side="right") - 1
+    step = _step_of_row(task, problem)
     for _ in range(ROUNDS):
         if solution.failed:
             break

@@ -65,13 +65,15 @@ class Fit(Described, Drawable, Gridded, Tabular):
     iterations: int
     weighting: str
     warnings: tuple[str, ...]
+    hum: np.ndarray | float = 0.0
+    """Hum at the rows of the record [unit of friction], subtracted before the fit."""
     solved: Solved | None = field(default=None, repr=False)
     """The least-squares problem and its solution, for further computations."""
 
     @property
     def residual(self) -> np.ndarray:
-        """Recorded minus fitted friction."""
-        return self.record.friction - self.predicted
+        """Recorded minus fitted friction, without hum."""
+        return self.record.friction - self.hum - self.predicted
 
     @property
     def law(self) -> str:

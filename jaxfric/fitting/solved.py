@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .noise import Found, Glitches, Noise
+from .noise import Found, Glitches, Hum, Noise
 from .problem import Problem
 from .solve import Solution
 from .stages import FitTask
@@ -13,8 +13,8 @@ from .stages import FitTask
 
 class Solved(NamedTuple):
     """A task with its problem and solution, the noise found in the residual [noise scales], the
-    excluded outliers, the quantisation step of friction (0: none detected), and the longest
-    correlation length (k,) of the noise search.
+    excluded outliers, the quantisation step of friction (0: none detected), the longest correlation
+    length (k,) of the noise search, and the hum that was subtracted from the record [friction].
     """
 
     task: FitTask
@@ -24,6 +24,7 @@ class Solved(NamedTuple):
     glitches: Glitches
     written: float
     longest: np.ndarray
+    hum: tuple[Hum, ...] = ()
 
     @property
     def noise(self) -> Noise:

@@ -45,7 +45,6 @@ def content(loop: Loop) -> dict:
         "noise": {
             **entries(loop, "sigma", "sigma_held_out", "held_out_threshold"),
             **loop.after.noise.to_json(),
-            "hum": [line.to_json() for line in loop.after.noise.hum],
         },
         "tests": {
             name: {"before": p, "after": loop.after.tests[name]}

@@ -110,7 +110,7 @@ class NoiseEstimate:
     clocks: tuple[str, ...] = CLOCKS
     """Names of the record's clocks: `CLOCKS` or `ROTARY_CLOCKS`."""
     hum: tuple[Hum, ...] = ()
-    """Lines of constant frequency that a loop removed from the record; not part of `sigma`."""
+    """Lines of constant frequency that were subtracted from the record; not part of `sigma`."""
 
     @property
     def correlated_share(self) -> float:
@@ -186,6 +186,7 @@ class NoiseEstimate:
             "gain": list(self.scale),
             "outliers": self.glitches.to_json(),
             "quantisation_step": self.steps,
+            "hum": [line.to_json() for line in self.hum],
         }
 
 
