@@ -1261,6 +1261,18 @@ def test_the_level_is_named_without_the_steady_friction_of_effects():
         assert row[1].endswith(f" without {id}") == (abs(level - 0.6) > 1e-6), (id, level)
 
 
+def test_what_the_base_does_not_determine_has_no_shift():
+    loop = make_loop("effects")
+    unknown = dataclasses.replace(loop.before.parameters["A"], determined=False)
+    parameters = {**loop.before.parameters, "A": unknown}
+    found = dataclasses.replace(
+        loop, before=dataclasses.replace(loop.before, parameters=parameters)
+    )
+    assert "A" in loop.shifts() and "A" not in found.shifts() and "B" in found.shifts()
+    rows = {row[0]: (row[2], row[5]) for row in moved(found).rows}
+    assert rows["A (a)"] == ("undetermined", "") and rows["B (b)"][1]
+
+
 def test_a_model_that_predicts_worse_than_the_base_is_not_used() -> None:
     """Outside the catalogue, the last model may fit what was fitted and miss the test rows."""
     loop = dataclasses.replace(make_loop("effects"), verdict="outside_catalogue")

@@ -259,11 +259,12 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return "rad" if rotary else "m"
 
     def shifts(self) -> dict[str, float]:
-        """Shift of every base parameter by the added effects, in errors of the final model."""
+        """Shift of every base parameter by the added effects, in errors of the final model. A
+        parameter that the base or the final model does not determine has no shift."""
         moved = {}
         for name, before in self.before.parameters.items():
             after = self.after.parameters[name]
-            if after.std > 0:
+            if before.determined and after.determined and after.std > 0:
                 moved[name] = (after.value - before.value) / after.std
         return moved
 

@@ -59,7 +59,7 @@ def _moved(loop: Loop, name: str, before: Estimate | None, after: Estimate) -> t
     value, std, interval = cells(after, size)
     old = "–" if before is None else cells(before, size)[0]
     shift = ""
-    if std and before is not None and after.std > 0:
+    if std and before is not None and before.determined and after.std > 0:
         shift = signed((after.value - before.value) / after.std)
     if std:
         value = f"{value} ± {std}"
