@@ -287,7 +287,7 @@ def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
     best = _best_of(record, Family(), np.zeros((1, 0)))
     for _ in range(const.MOST_PARTS):
         kinds = [kind for kind in KINDS if kind.joins(best.family.kinds, either_sign=either_sign)]
-        more = _with_another(record, best, kinds)
+        more = _with_another(record, best, kinds, best)
         if not _pays(record, more, best):
             break
         best = more
@@ -298,9 +298,9 @@ def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
         rests = [best] if number < const.MOST_PARTS else []
         for k in range(number) if number > 1 else ():
             family, theta = best.family.without(k, best.theta)
-            rests.append(_best_of(record, family, theta[None]))
+            rests.append(_best_of(record, family, theta[None], const.CLOSE))
         kinds = [Exponential, Resonator]
-        found = [_with_another(record, rest, kinds) for rest in rests]
+        found = [_with_another(record, rest, kinds, best) for rest in rests]
         more = max(found, key=lambda one: one.value - record.worth * one.family.parameters)
         if not _pays(record, more, best):
             break
@@ -311,7 +311,7 @@ def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
         if not more.value - best.value > (1 + extra) * record.worth:  # clearly better
             break
         best = more
-    return best
+    return _refined(record, best)
 
 
 def _exchanged(record: NoiseRows, best: Found) -> Found:
@@ -326,14 +326,13 @@ def _exchanged(record: NoiseRows, best: Found) -> Found:
             if sorted(family.terms, key=str) != sorted(best.family.terms, key=str):
                 starts[family] = np.concatenate([starts.get(family, thetas[:0]), thetas])
     found = sorted(_likeliest(record, starts), key=lambda one: one.family.parameters - one.value)
-    found = _refined_to_pay(record, best, found[: const.REFINED])
-    return max(found, key=lambda one: one.value - record.worth * one.family.parameters)
+    return _best_refined(record, best, found[: const.REFINED])
 
 
 def _pays(record: NoiseRows, more: Found, best: Found) -> bool:
     """Whether the BIC of `more` is below that of `best`."""
     extra = more.family.parameters - best.family.parameters
-    return more.value - best.value > max(extra * record.worth, const.SETTLED)
+    return more.value - best.value > max(extra * record.worth, const.CLOSE)
 
 
 def _contradicted(record: NoiseRows, found: Found) -> bool:
@@ -344,23 +343,25 @@ def _contradicted(record: NoiseRows, found: Found) -> bool:
     return bool(autocorrelation(clock, known, noise).beyond())
 
 
-def _with_another(record: NoiseRows, best: Found, kinds: Sequence[type[AbstractPart]]) -> Found:
-    """The likeliest noise with one more part than `best`, of one of the `kinds`."""
-    limits, family = record.limits, best.family
-    # sizes are relative to white noise: scale them up if `best` is mostly correlated
-    white = -float(np.log(np.clip(best.noise.white, np.exp(-const.LARGEST), 1.0)))
+def _with_another(
+    record: NoiseRows, rest: Found, kinds: Sequence[type[AbstractPart]], best: Found
+) -> Found:
+    """The likeliest noise with one more part than `rest`, of one of the `kinds`; refined as long as
+    its BIC can be lower than that of `best`."""
+    limits, family = record.limits, rest.family
+    # sizes are relative to white noise: scale them up if `rest` is mostly correlated
+    white = -float(np.log(np.clip(rest.noise.white, np.exp(-const.LARGEST), 1.0)))
     starts = {}
     for kind, k in itertools.product(kinds, np.flatnonzero(limits.longest > limits.shortest)):
         shapes = kind.starts(_memories(limits, k, const.MEMORIES))
         new = [(white + size, *own) for size in kind.sizes for own in shapes]
-        more, theta = family.joined(kind.over(int(k)), best.theta, new)
+        more, theta = family.joined(kind.over(int(k)), rest.theta, new)
         starts[more] = theta
     found = sorted(_likeliest(record, starts), key=lambda one: one.family.parameters - one.value)
     found = found[: const.REFINED]
     at_once = {one.family: _all_parts(one.family, limits) for one in found}
     found += _likeliest(record, {family: some for family, some in at_once.items() if len(some)})
-    found = _refined_to_pay(record, best, found)
-    return max(found, key=lambda one: one.value - 3 * one.family.parameters)
+    return _best_refined(record, best, found)
 
 
 def _memories(limits: Limits, clock: int, number: int) -> list[float]:
@@ -413,16 +414,22 @@ def _best(
     return record.found(family, theta[i], values[i], sigmas[i])
 
 
-def _best_of(record: NoiseRows, family: Family, starts: np.ndarray) -> Found:
+def _best_of(
+    record: NoiseRows, family: Family, starts: np.ndarray, settled: float = const.SETTLED
+) -> Found:
     """The likeliest noise of a family, refined from the likeliest of some starts."""
     starts = inside(np.asarray(starts, float), family, record.limits)
-    return _refined(record, _best(record, family, starts, *record.values(family, starts)))
+    best = _best(record, family, starts, *record.values(family, starts))
+    return _refined(record, best, settled=settled)
 
 
-def _refined(record: NoiseRows, best: Found, worth: float = -np.inf) -> Found:
+def _refined(
+    record: NoiseRows, best: Found, worth: float = -np.inf, settled: float = const.SETTLED
+) -> Found:
     """The likeliest noise of a family by Newton's method from a start.
 
-    It stops early if even the slope of the likelihood cannot reach the value `worth`.
+    It ends when a step gains less than `settled`, or early if even the slope of the likelihood
+    cannot reach the value `worth`.
     """
     family = best.family
     for _ in range(const.NEWTON if family.parameters else 0):
@@ -433,19 +440,26 @@ def _refined(record: NoiseRows, best: Found, worth: float = -np.inf) -> Found:
         found = max(found, around, key=lambda one: one.value)
         gain = found.value - best.value
         best = found if gain > 0 else best
-        if not gain > const.SETTLED:
+        if not gain > settled:
             break
     return best
 
 
-def _refined_to_pay(record: NoiseRows, best: Found, found: Sequence[Found]) -> list[Found]:
-    """Noises that are refined as long as they can have a lower BIC than `best`."""
+def _best_refined(record: NoiseRows, best: Found, found: Sequence[Found]) -> Found:
+    """The noise of lowest BIC among some, after refinement.
 
-    def refined(one: Found) -> Found:
-        extra = one.family.parameters - best.family.parameters
-        return _refined(record, one, best.value + extra * record.worth)
+    A noise is refined as long as its BIC can be lower than that of `best` and of the others.
+    """
 
-    return side_by_side(refined, found)
+    def penalty(one: Found) -> float:
+        return record.worth * one.family.parameters
+
+    leader, least = found[0], best.value - penalty(best)
+    for one in sorted(found, key=lambda one: penalty(one) - one.value):
+        one = _refined(record, one, least + penalty(one), const.CLOSE)
+        if one.value - penalty(one) > least:
+            leader, least = one, one.value - penalty(one)
+    return leader
 
 
 def _newton(

@@ -55,6 +55,8 @@ likelihood changes over a unit of theta."""
 SETTLED = 0.002
 """Gain of ln L that ends a search. At .02 the deviance of the validation rows, which extrapolates
 the noise, still moved by 2: on p655 two equal fits differed by 2.8 in BIC."""
+CLOSE = 0.1
+"""The same while noises are compared; the best one is then settled."""
 FAR_FROM = 0.5
 """Velocity steps have one pace if the gain of separate paces is below this share of their BIC
 penalty."""
