@@ -132,20 +132,20 @@ def test_noise_of_screw_drives():
         rows = [("variance that repeats one turn later", [100 * noise["after_a_turn"]])]
         if name == "screwdrive1":
             assert one["period"] is None
-            sizes = [one["share"], one["memory"] / turn, two["share"], two["memory"]]
-            sizes += [two["period"]]
+            sizes = [100 * one["share"], one["memory"] / turn]
+            sizes += [100 * two["share"], two["memory"], two["period"]]
             rows += [
                 ("independent samples of a run, from its rows", [min(own), max(own)]),
                 ("the same, from the noise model", [min(model), max(model)]),
                 ("ratio of the two, median and range", told),
             ]
         else:
-            sizes = [two["share"], two["period"] / turn, one["share"], one["memory"] / turn]
+            sizes = [100 * two["share"], two["period"] / turn]
+            sizes += [100 * one["share"], one["memory"] / turn]
             rows += [
                 ("independent samples of a run, from the noise model", [min(model), max(model)]),
                 ("ratio to those from its rows, median and range", told),
             ]
-        sizes[:3:2] = [100 * share for share in sizes[:3:2]]
         for row, values in (*rows, ("noise model", sizes)):
             assert not stale_cell(row_of(readme, row)[0], *values), row
 

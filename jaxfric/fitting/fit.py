@@ -446,7 +446,7 @@ def _without_hum(
     if solution.failed:
         return problem, solution, ()
     n, scale = len(task.record), float(problem.noise_scale)
-    columns = np.column_stack([np.asarray(x) for x in data_part(problem, solution)])[:n]
+    columns = np.column_stack(data_part(problem, solution))[:n]
     time, path = np.asarray(problem.clock)[:n, :2].T
     on = np.asarray(problem.weight)[:n] > 0
     found, wave = find_hum(time, path, _step_of_row(task, problem)[:n], on, columns)
@@ -468,8 +468,7 @@ def _without_glitches(
     for _ in range(ROUNDS):
         if solution.failed:
             break
-        residual, jacobian = (np.asarray(x) for x in data_part(problem, solution))
-        columns, weight = np.column_stack([residual, jacobian]), np.asarray(problem.weight)
+        columns, weight = np.column_stack(data_part(problem, solution)), np.asarray(problem.weight)
         before = glitches
         glitches = find_glitches(problem.clock, weight, columns, found.noise, step, before=before)
         if glitches.rows == before.rows:

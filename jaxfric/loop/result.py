@@ -191,6 +191,14 @@ LoopDetails = AxisDetails | RunDetails
 """Results for one kind of rig only."""
 
 
+def shift_of(before: Estimate, after: Estimate) -> float | None:
+    """The shift of a parameter between two models, in standard errors of the second one; None if a
+    model does not determine the parameter, or if the parameter has no error."""
+    if not (before.determined and after.determined and after.std > 0):
+        return None
+    return (after.value - before.value) / after.std
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Loop(Described, Drawable, Gridded, Tabular):
     """The result of the loop over one record."""
@@ -259,14 +267,10 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return "rad" if rotary else "m"
 
     def shifts(self) -> dict[str, float]:
-        """Shift of every base parameter by the added effects, in errors of the final model. A
-        parameter that the base or the final model does not determine has no shift."""
-        moved = {}
-        for name, before in self.before.parameters.items():
-            after = self.after.parameters[name]
-            if before.determined and after.determined and after.std > 0:
-                moved[name] = (after.value - before.value) / after.std
-        return moved
+        """Shift of every base parameter by the added effects (`shift_of`), where there is one."""
+        every = self.before.parameters.items()
+        moved = {name: shift_of(before, self.after.parameters[name]) for name, before in every}
+        return {name: shift for name, shift in moved.items() if shift is not None}
 
     @property
     def supported(self) -> Score:

@@ -9,7 +9,7 @@ from ..effects.friction import Thermal
 from ..findings import Severity, support
 from ..fitting import Estimate
 from ..loop.family import listed
-from ..loop.result import CandidateScore, Loop
+from ..loop.result import CandidateScore, Loop, shift_of
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, SIGNIFICANT
 from ..units import format_si, p_text, prefix, read_as
@@ -58,9 +58,8 @@ def _moved(loop: Loop, name: str, before: Estimate | None, after: Estimate) -> t
     unit, size = shown_unit(after, length_of(loop.record))
     value, std, interval = cells(after, size)
     old = "–" if before is None else cells(before, size)[0]
-    shift = ""
-    if std and before is not None and before.determined and after.std > 0:
-        shift = signed((after.value - before.value) / after.std)
+    moved = None if before is None else shift_of(before, after)
+    shift = "" if moved is None else signed(moved)
     if std:
         value = f"{value} ± {std}"
     return shown_name(name), _meaning(loop, name), old, value, interval, shift, unit

@@ -54,6 +54,10 @@ class NoiseRows(NamedTuple):
         """Rise of ln L that justifies one more parameter (BIC): ln(rows)/2."""
         return 0.5 * float(np.log(self.rows))
 
+    def merit(self, one: "Found") -> float:
+        """ln L of a noise less its penalty by BIC: the noise of lowest BIC has the largest."""
+        return one.value - self.worth * one.family.parameters
+
     def values(self, family: Family, theta: Float[np.ndarray, "g q"]) -> Values:
         """Restricted log-likelihoods of noises of a family, and the sigma of each."""
         return self.values_of_all({family: theta})[0]
@@ -184,11 +188,10 @@ def estimate_noise(
     """
     part, larger = stretches(record, const.SOUGHT), stretches(record, const.SIZED)
     if like is None or not like.family.parameters:
-        best, sized = _with_parts(part, either_sign=either_sign), part is record
+        best = _with_parts(part, either_sign=either_sign)
     else:
-        best, sized = like, False
-    if not sized:
-        best = _best_of(larger, best.family, best.theta[None])
+        best = like
+    best = _best_of(larger, best.family, best.theta[None])
     return not_below(record, best, least) if larger is record else held_noise(record, best, least)
 
 
@@ -277,7 +280,7 @@ def _restricted_at(record: NoiseRows, parts: tuple, sigma: float) -> float:
 
 
 def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
-    """The likeliest noise, built part by part while the BIC falls.
+    """The likeliest noise within `CLOSE`, built part by part while the BIC falls.
 
     The part that is added first may be a compromise between two others. If the autocorrelation
     contradicts the noise, each part in turn is left out and another sought beside the rest. At last
@@ -301,7 +304,7 @@ def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
             rests.append(_best_of(record, family, theta[None], const.CLOSE))
         kinds = [Exponential, Resonator]
         found = [_with_another(record, rest, kinds, best) for rest in rests]
-        more = max(found, key=lambda one: one.value - record.worth * one.family.parameters)
+        more = max(found, key=record.merit)
         if not _pays(record, more, best):
             break
         best = more
@@ -311,7 +314,7 @@ def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
         if not more.value - best.value > (1 + extra) * record.worth:  # clearly better
             break
         best = more
-    return _refined(record, best)
+    return best
 
 
 def _exchanged(record: NoiseRows, best: Found) -> Found:
@@ -451,14 +454,12 @@ def _best_refined(record: NoiseRows, best: Found, found: Sequence[Found]) -> Fou
     A noise is refined as long as its BIC can be lower than that of `best` and of the others.
     """
 
-    def penalty(one: Found) -> float:
-        return record.worth * one.family.parameters
-
-    leader, least = found[0], best.value - penalty(best)
-    for one in sorted(found, key=lambda one: penalty(one) - one.value):
-        one = _refined(record, one, least + penalty(one), const.CLOSE)
-        if one.value - penalty(one) > least:
-            leader, least = one, one.value - penalty(one)
+    leader, most = found[0], record.merit(best)
+    for start in sorted(found, key=record.merit, reverse=True):
+        worth = most + record.worth * start.family.parameters
+        one = _refined(record, start, worth, const.CLOSE)
+        if record.merit(one) > most:
+            leader, most = one, record.merit(one)
     return leader
 
 

@@ -165,8 +165,8 @@ def _likeliest(
     if not rotary:
         return found
     memory = math.log(MEMORY * longest[_ANGLE])
-    once = memory  # the shape of an oscillation that decays slowly is its frequency times memory
     family = Family((Exponential.over(_ANGLE), Resonator.over(_ANGLE)))
+    once = memory  # the shape, frequency times memory, of an oscillation at 1/rad
     starts = [np.array([SIZE, memory + a, SIZE, memory, once]) for a in SHORTER]
     turning = profile_noise(rows, family, starts, least=least)
     worth = 0.5 * math.log(len(residual))
