@@ -106,15 +106,6 @@ def _without_kind(gone: type) -> Piece:
     return _noise((noise_search, "KINDS", tuple(k for k in noise_search.KINDS if k is not gone)))
 
 
-def _one_part() -> Piece:
-    original = noise_search._with_another
-
-    def with_another(record, best, **how):
-        return None if best.family.terms else original(record, best, **how)
-
-    return _noise((noise_search, "_with_another", with_another))
-
-
 def _held_noise() -> Piece:
     """Noise of the base for all candidates: its parts stay as they were learnt, but for sigma."""
 
@@ -207,7 +198,7 @@ PIECES: dict[str, Piece] = {
     "error floors (1.04, 1.06)": _gate((learn, "TRAIN_FLOOR", 1.0), (learn, "HELD_OUT", 1.0)),
     "edge rule (K/K_cr)": _gate((verdict, "EDGE", 0.0)),
     **{f"question: {name}": _without_question(name) for name in _QUESTIONS},
-    "second part": _one_part(),
+    "second part": _noise((noise_search.const, "MOST_PARTS", 1)),
     "resonator": _without_kind(Resonator),
     "scale by step": _noise((learn, "_with_scale", _kept)),
     "pace by step": _noise((learn, "_with_pace", _kept)),

@@ -99,11 +99,12 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
     found = search(
         Engine.of(subject.case, subject.noise), start, scales, most=most, progress=progress
     )
-    engine = found.engine
-    if found.final is not found.base and subject.kind == "slider":
+    engine, added = found.engine, found.final is not found.base
+    if added and subject.kind == "slider":
         found = found._replace(base=least_squares(engine, found.base, start))
     progress("where the structure sits")
-    floor, rows = noise_floor(engine, found.final), subject.reported(engine, found)
+    floor = noise_floor(engine, found.final, afresh=added)
+    rows = subject.reported(engine, found)
 
     def scored(candidate: Candidate, rivals: Sequence[Candidate] | None):
         bumps = subject.bumps(engine, candidate)
@@ -112,7 +113,7 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
         return location, tests, _score(subject, engine, rows, candidate, tests, rivals)
 
     models: list[tuple[Candidate, Sequence[Candidate] | None]] = [(found.final, near_fits(found))]
-    if found.final is not found.base:
+    if added:
         progress("what is left")
         models.insert(0, (found.base, None))
     done = engine.each(lambda model: scored(*model), models)

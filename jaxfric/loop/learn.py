@@ -240,17 +240,18 @@ def error_factor(test_error: float, most: float) -> float:
     return test_error if test_error > most else 1.0
 
 
-def noise_floor(engine: Engine, current: Candidate) -> Floor:
+def noise_floor(engine: Engine, current: Candidate, *, afresh: bool) -> Floor:
     """Noise after projecting out base, effects, and smooth bumps along the record and each step.
 
-    The parts of the noise are estimated anew, because structure in the residual of the base may
-    have looked like a part of noise.
+    If `afresh` is True, the parts of the noise are sought anew, because structure in the residual
+    of the base may have looked like a part of noise.
     """
     rows = engine.evaluate(current.z, engine.free(current.effects))
     columns = np.concatenate([rows.jacobian, engine.smooth], axis=1)
     train = columns * engine.weight[:, None]
     used = np.linalg.norm(train, axis=0) > 0
-    found = engine.noise_afresh(rows.residual * engine.weight, train[:, used])
+    noise_of = engine.noise_afresh if afresh else engine.noise_of
+    found = noise_of(rows.residual * engine.weight, train[:, used])
     noise = found.noise
     held = engine.blocks.select | engine.blocks.report
     size, clock = float(engine.problem.noise_scale), np.asarray(engine.problem.clock)

@@ -31,6 +31,11 @@ class Family(NamedTuple):
         """The kinds of its parts."""
         return [kind for kind, _ in self.terms]
 
+    @property
+    def unordered(self) -> "Family":
+        """The family with its parts in one order: families that differ in order only are equal."""
+        return Family(tuple(sorted(self.terms, key=str)))
+
     def joined(
         self, term: Term, theta: np.ndarray, new: Sequence[Sequence[float]]
     ) -> tuple["Family", np.ndarray]:

@@ -103,10 +103,11 @@ class AbstractPart(eqx.Module):
         """Bounds of the parameters; `low` and `high` are the bounds of ln(correlation length)."""
 
     @classmethod
-    @abc.abstractmethod
     def joins(cls, others: "Sequence[type[AbstractPart]]", *, either_sign: bool) -> bool:
         """Whether a part of this kind may be added to some `others`. `either_sign`: rows are evenly
         sampled, so that negative variance is allowed."""
+        del others, either_sign
+        return True
 
     @classmethod
     def over(cls, clock: int) -> Term:
@@ -173,12 +174,6 @@ class Exponential(AbstractExponential):
     rates: Float[Numbers, "*g k"]
     parameters: ClassVar[int] = 2
     sizes: ClassVar[tuple[float, ...]] = const.SIZES
-
-    @classmethod
-    def joins(cls, others: Sequence[type[AbstractPart]], *, either_sign: bool) -> bool:
-        """Always."""
-        del others, either_sign
-        return True
 
     @classmethod
     def at(cls, theta: Float[np.ndarray, "g 2"], limits: Limits, clock: int) -> "Exponential":
@@ -266,12 +261,6 @@ class Resonator(AbstractPart):
         near = self.beta + const.CRITICAL**2 * (self.beta**2 < const.CRITICAL**4)
         s = (-near + 0j) ** 0.5
         return (0.5 * (1 + 1 / s), 1 - s), (0.5 * (1 - 1 / s), 1 + s)
-
-    @classmethod
-    def joins(cls, others: Sequence[type[AbstractPart]], *, either_sign: bool) -> bool:
-        """Whether no resonator is present yet; an exchange of parts may add a second one."""
-        del either_sign
-        return cls not in others
 
     @classmethod
     def starts(cls, memories: Sequence[float]) -> list[tuple[float, ...]]:

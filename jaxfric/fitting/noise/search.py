@@ -22,12 +22,10 @@ from ...threads import side_by_side
 from ..padding import Numbers, counted_rows, padded_columns
 from ..thresholds import FEW
 from . import thresholds as const
-from .autocorrelation import autocorrelation
-from .estimate import noise_estimate
 from .families import Family, inside, noises_at
 from .likelihood import restricted
 from .model import Noise, Noises, white_of
-from .parts import KINDS, AbstractPart, Exponential, Limits, Resonator
+from .parts import KINDS, Exponential, Limits, Resonator
 
 Values = tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]
 """Restricted log-likelihoods and sigmas of noises."""
@@ -280,91 +278,76 @@ def _restricted_at(record: NoiseRows, parts: tuple, sigma: float) -> float:
 
 
 def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
-    """The likeliest noise within `CLOSE`, built part by part while the BIC falls.
-
-    The part that is added first may be a compromise between two others. If the autocorrelation
-    contradicts the noise, each part in turn is left out and another sought beside the rest. At last
-    another part takes the place of each part in turn, the rest as it is, while that clearly lowers
-    the BIC. A second oscillation is allowed.
+    """The likeliest noise within `CLOSE`. Parts are added, then exchanged, while the BIC falls: the
+    part that is added first may be a compromise between two others.
     """
-    best = _best_of(record, Family(), np.zeros((1, 0)))
+    best, tried = _best_of(record, Family(), np.zeros((1, 0))), set()
     for _ in range(const.MOST_PARTS):
-        kinds = [kind for kind in KINDS if kind.joins(best.family.kinds, either_sign=either_sign)]
-        more = _with_another(record, best, kinds, best)
-        if not _pays(record, more, best):
-            break
-        best = more
-    for _ in range(const.EXCHANGES):
-        number = len(best.family.terms)
-        if not number or not _contradicted(record, best):
-            break
-        rests = [best] if number < const.MOST_PARTS else []
-        for k in range(number) if number > 1 else ():
-            family, theta = best.family.without(k, best.theta)
-            rests.append(_best_of(record, family, theta[None], const.CLOSE))
-        kinds = [Exponential, Resonator]
-        found = [_with_another(record, rest, kinds, best) for rest in rests]
-        more = max(found, key=record.merit)
+        more = _best_start(record, best, _with_another(record, best, either_sign), tried)
         if not _pays(record, more, best):
             break
         best = more
     for _ in range(const.EXCHANGES if best.family.terms else 0):
-        more = _exchanged(record, best)
-        extra = more.family.parameters - best.family.parameters
-        if not more.value - best.value > (1 + extra) * record.worth:  # clearly better
+        more = _best_start(record, best, _exchanged(record, best), tried)
+        if not _pays(record, more, best):
             break
         best = more
     return best
 
 
-def _exchanged(record: NoiseRows, best: Found) -> Found:
-    """The likeliest noise with another part in place of one of its parts."""
+def _with_another(record: NoiseRows, best: Found, either_sign: bool) -> dict[Family, np.ndarray]:
+    """Starts of every family with one more part."""
+    limits, family = record.limits, best.family
+    # sizes are relative to white noise: scale them up if the noise is mostly correlated
+    white = -float(np.log(np.clip(best.noise.white, np.exp(-const.LARGEST), 1.0)))
+    kinds = [kind for kind in KINDS if kind.joins(family.kinds, either_sign=either_sign)]
+    starts = {}
+    for kind, clock in itertools.product(kinds, _resolved(limits)):
+        shapes = kind.starts(_memories(limits, clock, const.MEMORIES))
+        new = [(white + size, *own) for size in kind.sizes for own in shapes]
+        more, theta = family.joined(kind.over(clock), best.theta, new)
+        starts[more] = theta
+    return starts
+
+
+def _exchanged(record: NoiseRows, best: Found) -> dict[Family, np.ndarray]:
+    """Starts of every family with another part in place of one part, which keep its variance."""
     limits, starts = record.limits, {}
-    clocks = np.flatnonzero(limits.longest > limits.shortest)
-    for k, size in enumerate(own[0] for own in best.family.split(best.theta)):
+    for k, (size, *_) in enumerate(best.family.split(best.theta)):
         rest, theta = best.family.without(k, best.theta)
-        for kind, clock in itertools.product((Exponential, Resonator), clocks):
+        for kind, clock in itertools.product((Exponential, Resonator), _resolved(limits)):
             new = [(size, *own) for own in kind.starts(_memories(limits, clock, const.MEMORIES))]
-            family, thetas = rest.joined(kind.over(int(clock)), theta, new)
-            if sorted(family.terms, key=str) != sorted(best.family.terms, key=str):
+            family, thetas = rest.joined(kind.over(clock), theta, new)
+            if family.unordered != best.family.unordered:
                 starts[family] = np.concatenate([starts.get(family, thetas[:0]), thetas])
+    return starts
+
+
+def _resolved(limits: Limits) -> list[int]:
+    """The clocks on which a correlation length can be found."""
+    return np.flatnonzero(limits.longest > limits.shortest).tolist()
+
+
+def _best_start(
+    record: NoiseRows, best: Found, starts: Mapping[Family, np.ndarray], tried: set[Family]
+) -> Found:
+    """The noise of lowest BIC, refined from the likeliest `starts`; refined as long as its BIC can
+    be lower than that of `best`. A family that is not in `tried` also starts with all its parts at
+    once (`_all_parts`), and joins `tried`.
+    """
     found = sorted(_likeliest(record, starts), key=lambda one: one.family.parameters - one.value)
-    return _best_refined(record, best, found[: const.REFINED])
+    found = found[: const.REFINED]
+    new = [one.family for one in found if one.family.unordered not in tried]
+    tried.update(family.unordered for family in new)
+    at_once = {family: _all_parts(family, record.limits) for family in new}
+    found += _likeliest(record, {family: some for family, some in at_once.items() if len(some)})
+    return _best_refined(record, best, found)
 
 
 def _pays(record: NoiseRows, more: Found, best: Found) -> bool:
     """Whether the BIC of `more` is below that of `best`."""
     extra = more.family.parameters - best.family.parameters
     return more.value - best.value > max(extra * record.worth, const.CLOSE)
-
-
-def _contradicted(record: NoiseRows, found: Found) -> bool:
-    """Whether the autocorrelation of the residual contradicts a noise (`autocorrelation`)."""
-    clock, residual = np.asarray(record.clock), record.columns[:, 0] / record.scale
-    known = np.where(np.asarray(record.weight) > 0, residual, np.nan)
-    noise = noise_estimate(found.noise, 1.0, record.limits.longest)
-    return bool(autocorrelation(clock, known, noise).beyond())
-
-
-def _with_another(
-    record: NoiseRows, rest: Found, kinds: Sequence[type[AbstractPart]], best: Found
-) -> Found:
-    """The likeliest noise with one more part than `rest`, of one of the `kinds`; refined as long as
-    its BIC can be lower than that of `best`."""
-    limits, family = record.limits, rest.family
-    # sizes are relative to white noise: scale them up if `rest` is mostly correlated
-    white = -float(np.log(np.clip(rest.noise.white, np.exp(-const.LARGEST), 1.0)))
-    starts = {}
-    for kind, k in itertools.product(kinds, np.flatnonzero(limits.longest > limits.shortest)):
-        shapes = kind.starts(_memories(limits, k, const.MEMORIES))
-        new = [(white + size, *own) for size in kind.sizes for own in shapes]
-        more, theta = family.joined(kind.over(int(k)), rest.theta, new)
-        starts[more] = theta
-    found = sorted(_likeliest(record, starts), key=lambda one: one.family.parameters - one.value)
-    found = found[: const.REFINED]
-    at_once = {one.family: _all_parts(one.family, limits) for one in found}
-    found += _likeliest(record, {family: some for family, some in at_once.items() if len(some)})
-    return _best_refined(record, best, found)
 
 
 def _memories(limits: Limits, clock: int, number: int) -> list[float]:

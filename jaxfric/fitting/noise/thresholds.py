@@ -23,9 +23,8 @@ MOST_PARTS = 2
 """Most correlated parts. Measured runs show one part with a correlation length of two or three
 rows, and one of tens of rows or an oscillation."""
 EXCHANGES = 3
-"""Most exchanges of parts. The noise of a run at 700 Hz, two oscillations of the machine, took one:
-the likelihood rose by e^580, and the error of a fell from .0011 to .0006. On sepiolite one exchange
-raises it by e^74; without it the loop names three effects that imitate each other."""
+"""Most exchanges of parts. In 11 loops on measured and drawn records 13 of 37 searches made one,
+which lowered the BIC by up to 90."""
 LARGEST = 9.0
 """Largest |logarithm| of a part's variance over the white one: beyond, one is negligible."""
 SHAPE_ENDS = (-2.0, 4.5)
@@ -41,9 +40,9 @@ SIZES_OF_ALTERNATING = (-1.0, 1.0, 3.0, 5.0)
 TOGETHER_SIZES, TOGETHER_RATIO, TOGETHER_MEMORIES = (0.0, 3.0), 1.0, 3
 """The same for all parts at once, with much or little white noise; the logarithm of the ratio of
 the largest part to the smallest; and the number of correlation lengths of each."""
-LIKELY = 12
+LIKELY = 8
 """Starts of a family in a record longer than a stretch: the likelihood of the residual alone
-preselects them for the restricted likelihood."""
+preselects them for the restricted likelihood, which takes them in one pass."""
 REFINED = 2
 """Families with one more part that are refined: those with the likeliest starts."""
 TOGETHER, ALONE = 8, 64
