@@ -399,6 +399,21 @@ def test_a_part_finds_its_clock_and_its_kind(seed):
     assert estimate_noise(record).value > least - 1
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_an_oscillation_that_the_rows_do_not_resolve_is_no_part(seed):
+    """A swing of 3.3 rows, faster than the limit of four. A part at the limit predicts rows that
+    stand closer wrongly: on p655 it hid the second state."""
+    n, d = 800, np.arange(800.0)
+    w, memory = 2 * np.pi / 3.3, 8.0
+    swing = 0.8 * np.exp(-d / memory) * (np.cos(w * d) + np.sin(w * d) / (w * memory))
+    root = np.linalg.cholesky(toeplitz(swing + 0.2 * (d == 0)))
+    residual = root @ np.random.default_rng(seed).standard_normal(n)
+    found = estimate_noise(noise_rows(d, np.ones(n), residual, np.zeros((n, 0)))).noise
+    for part in found.parts:
+        swings = np.sqrt(np.maximum(getattr(part, "beta", 0.0), 0.0)) * np.max(part.rates)
+        assert swings < 0.999 * np.pi / 2  # radians a row
+
+
 def test_rows_of_weight_zero_change_no_estimate():
     rng = np.random.default_rng(5)
     time = uneven(rng, 150)

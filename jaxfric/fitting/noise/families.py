@@ -74,6 +74,11 @@ class Family(NamedTuple):
         ends = np.cumsum([term.kind.parameters for term in self.terms])[:-1]
         return np.split(theta, ends, axis=-1) if self.terms else []
 
+    def resolved(self, theta: np.ndarray, limits: Limits) -> bool:
+        """Whether the rows resolve all parts of a noise with parameters `theta`."""
+        pairs = zip(self.terms, self.split(theta), strict=True)
+        return all(kind.resolved(own, limits, clock) for (kind, clock), own in pairs)
+
     def bounds(self, limits: Limits) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper bounds of the family's parameters, (q,) each."""
         ends = [

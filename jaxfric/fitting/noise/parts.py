@@ -110,6 +110,12 @@ class AbstractPart(eqx.Module):
         return True
 
     @classmethod
+    def resolved(cls, theta: Float[np.ndarray, " q"], limits: Limits, clock: int) -> bool:
+        """Whether the rows resolve a part with these parameters."""
+        del theta, limits, clock
+        return True
+
+    @classmethod
     def over(cls, clock: int) -> Term:
         """The `Term` of this kind of part, correlated over one clock."""
         return Term(cls, clock)
@@ -284,6 +290,14 @@ class Resonator(AbstractPart):
         fastest = (0.5 * np.pi * inverse_rate / limits.gaps[clock]) ** 2
         beta = np.minimum(shape**2 - 1, fastest)
         return cls(size, rates_of(inverse_rate, clock, len(limits.gaps)), beta)
+
+    @classmethod
+    def resolved(cls, theta: Float[np.ndarray, " 3"], limits: Limits, clock: int) -> bool:
+        """Whether a period has more than four rows. An oscillation at this limit is a faster one
+        that `at` slows down, and rows at other distances contradict it.
+        """
+        beta = float(cls.at(theta[None], limits, clock).beta[0])
+        return bool(np.isclose(beta, np.exp(2 * theta[-1]) - 1))
 
     def memory(self) -> np.ndarray:
         """sqrt(1 + 4/(1 + beta)^2).

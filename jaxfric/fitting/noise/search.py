@@ -432,18 +432,17 @@ def _refined(
 
 
 def _best_refined(record: NoiseRows, best: Found, found: Sequence[Found]) -> Found:
-    """The noise of lowest BIC among some, after refinement.
+    """The noise of lowest BIC among `best` and some others, after their refinement.
 
-    A noise is refined as long as its BIC can be lower than that of `best` and of the others.
+    A noise is refined as long as its BIC can be lower than that of `best` and of the others. Noises
+    with parts that the rows do not resolve are left out.
     """
-
-    leader, most = found[0], record.merit(best)
     for start in sorted(found, key=record.merit, reverse=True):
-        worth = most + record.worth * start.family.parameters
+        worth = record.merit(best) + record.worth * start.family.parameters
         one = _refined(record, start, worth, const.CLOSE)
-        if record.merit(one) > most:
-            leader, most = one, record.merit(one)
-    return leader
+        if record.merit(one) > record.merit(best) and one.family.resolved(one.theta, record.limits):
+            best = one
+    return best
 
 
 def _newton(
