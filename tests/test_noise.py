@@ -414,6 +414,22 @@ def test_an_oscillation_that_the_rows_do_not_resolve_is_no_part(seed):
         assert swings < 0.999 * np.pi / 2  # radians a row
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_close_rows_resolve_an_oscillation_that_most_rows_do_not(seed):
+    """A machine that swings every .08 s, in rows .01 s or .03 s apart: most periods have less than
+    four rows."""
+    rng, n = np.random.default_rng(seed), 1000
+    time = np.cumsum(rng.choice([0.01, 0.03], n, p=[0.45, 0.55]))
+    apart = np.abs(time[:, None] - time)
+    w, memory = 2 * np.pi / 0.08, 0.1
+    swing = np.exp(-apart / memory) * (np.cos(w * apart) + np.sin(w * apart) / (w * memory))
+    root = np.linalg.cholesky(0.5 * swing + 0.45 * np.exp(-apart) + 0.05 * np.eye(n))
+    residual = root @ rng.standard_normal(n)
+    found = estimate_noise(noise_rows(time, np.ones(n), residual, np.zeros((n, 0)))).noise
+    swings = [np.sqrt(p.beta) * np.max(p.rates) for p in found.parts if getattr(p, "beta", -1) > 0]
+    assert 2 * np.pi / max(swings) == pytest.approx(0.08, rel=0.1)
+
+
 def test_rows_of_weight_zero_change_no_estimate():
     rng = np.random.default_rng(5)
     time = uneven(rng, 150)

@@ -43,7 +43,7 @@ class Limits(NamedTuple):
     shortest: np.ndarray
     longest: np.ndarray
     gaps: np.ndarray
-    """Median distance between neighbouring rows in each clock."""
+    """Distance on each clock between close neighbouring rows (`CLOSEST`)."""
 
 
 class Term(NamedTuple):
@@ -283,7 +283,7 @@ class Resonator(AbstractPart):
         """Parts from three logarithms: of the variance over the white variance, the correlation
         length, and the shape sqrt(1 + beta).
 
-        A period of a resonator has at least four rows.
+        A period of a resonator has at least four close rows.
         """
         size, memory, shape = np.exp(theta).T
         inverse_rate = memory / cls(size, size, shape**2 - 1).memory()
@@ -293,8 +293,8 @@ class Resonator(AbstractPart):
 
     @classmethod
     def resolved(cls, theta: Float[np.ndarray, " 3"], limits: Limits, clock: int) -> bool:
-        """Whether a period has more than four rows. An oscillation at this limit is a faster one
-        that `at` slows down, and rows at other distances contradict it.
+        """Whether a period has more than four close rows. An oscillation at this limit is a faster
+        one that `at` slows down, and rows at other distances contradict it.
         """
         beta = float(cls.at(theta[None], limits, clock).beta[0])
         return bool(np.isclose(beta, np.exp(2 * theta[-1]) - 1))

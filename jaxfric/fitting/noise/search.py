@@ -117,15 +117,17 @@ def longest_memory(clock: Float[Numbers, "n *k"]) -> np.ndarray:
 
 
 def limits_of(clock: Numbers, weight: Numbers, longest: ArrayLike | None = None) -> Limits:
-    """Limits of correlation lengths: half the median row gap, and `longest` or half the record."""
+    """Limits of correlation lengths: half the median row gap, and `longest` or half the record; and
+    the gap that `CLOSEST` of the rows stay below."""
     times = np.asarray(clock)
     times = times.reshape(len(times), -1)
     on = np.asarray(weight) > 0
     span = np.ptp(times, axis=0)
     apart = np.abs(np.diff(times, axis=0))[on[1:]]
-    gaps = np.maximum(np.median(apart, axis=0), const.SHORTEST * np.maximum(span, 1e-300))
+    least = const.SHORTEST * np.maximum(span, 1e-300)
+    gaps, half = np.maximum(np.quantile(apart, [const.CLOSEST, 0.5], axis=0), least)
     most = 0.5 * span if longest is None else np.broadcast_to(np.asarray(longest), span.shape)
-    return Limits(0.5 * gaps, np.maximum(most, 0.5 * gaps), gaps)
+    return Limits(0.5 * half, np.maximum(most, 0.5 * half), gaps)
 
 
 def noise_rows(
