@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from . import thresholds as const
 from .model import Noises, white_of
-from .parts import AbstractPart, Exponential, Limits, Term
+from .parts import Exponential, Limits, Term
 
 
 class Family(NamedTuple):
@@ -24,12 +24,7 @@ class Family(NamedTuple):
     @property
     def parameters(self) -> int:
         """Number of parameters of the family, without sigma."""
-        return sum(kind.parameters for kind in self.kinds)
-
-    @property
-    def kinds(self) -> list[type[AbstractPart]]:
-        """The kinds of its parts."""
-        return [kind for kind, _ in self.terms]
+        return sum(kind.parameters for kind, _ in self.terms)
 
     @property
     def unordered(self) -> "Family":

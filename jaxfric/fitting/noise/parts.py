@@ -70,6 +70,8 @@ class AbstractPart(eqx.Module):
     length, and further ones of its kind."""
     sizes: eqx.AbstractClassVar[tuple[float, ...]]
     """Starting values of the first parameter."""
+    even: eqx.AbstractClassVar[bool]
+    """Whether the part needs evenly sampled rows, and is added to white noise alone."""
 
     @abc.abstractmethod
     def variances(self) -> tuple[Array | float, ...]:
@@ -103,17 +105,9 @@ class AbstractPart(eqx.Module):
         """Bounds of the parameters; `low` and `high` are the bounds of ln(correlation length)."""
 
     @classmethod
-    def joins(cls, others: "Sequence[type[AbstractPart]]", *, either_sign: bool) -> bool:
-        """Whether a part of this kind may be added to some `others`. `either_sign`: rows are evenly
-        sampled, so that negative variance is allowed."""
-        del others, either_sign
-        return True
-
-    @classmethod
+    @abc.abstractmethod
     def resolved(cls, theta: Float[np.ndarray, " q"], limits: Limits, clock: int) -> bool:
         """Whether the rows resolve a part with these parameters."""
-        del theta, limits, clock
-        return True
 
     @classmethod
     def over(cls, clock: int) -> Term:
@@ -172,6 +166,12 @@ class AbstractExponential(AbstractPart):
         """Bounds of size and correlation length."""
         return [(-const.LARGEST, const.LARGEST), (low, high)]
 
+    @classmethod
+    def resolved(cls, theta: Float[np.ndarray, " 2"], limits: Limits, clock: int) -> bool:
+        """Always: the limits of the correlation length are those of the rows."""
+        del theta, limits, clock
+        return True
+
 
 class Exponential(AbstractExponential):
     """A part of positive variance with exponential correlation."""
@@ -180,6 +180,7 @@ class Exponential(AbstractExponential):
     rates: Float[Numbers, "*g k"]
     parameters: ClassVar[int] = 2
     sizes: ClassVar[tuple[float, ...]] = const.SIZES
+    even: ClassVar[bool] = False
 
     @classmethod
     def at(cls, theta: Float[np.ndarray, "g 2"], limits: Limits, clock: int) -> "Exponential":
@@ -198,11 +199,7 @@ class Alternating(AbstractExponential):
     rates: Float[Numbers, "*g k"]
     parameters: ClassVar[int] = 2
     sizes: ClassVar[tuple[float, ...]] = const.SIZES_OF_ALTERNATING
-
-    @classmethod
-    def joins(cls, others: Sequence[type[AbstractPart]], *, either_sign: bool) -> bool:
-        """Only to white noise."""
-        return either_sign and not others
+    even: ClassVar[bool] = True
 
     @classmethod
     def at(cls, theta: Float[np.ndarray, "g 2"], limits: Limits, clock: int) -> Exponential:
@@ -233,6 +230,7 @@ class Resonator(AbstractPart):
     s^2 = -beta."""
     parameters: ClassVar[int] = 3
     sizes: ClassVar[tuple[float, ...]] = const.SIZES_OF_RESONATORS
+    even: ClassVar[bool] = False
 
     def _damped(self) -> Float[Array, "*g"]:
         """s of an overdamped resonator, bounded away from 0."""

@@ -302,7 +302,7 @@ def _with_another(record: NoiseRows, best: Found, either_sign: bool) -> dict[Fam
     limits, family = record.limits, best.family
     # sizes are relative to white noise: scale them up if the noise is mostly correlated
     white = -float(np.log(np.clip(best.noise.white, np.exp(-const.LARGEST), 1.0)))
-    kinds = [kind for kind in KINDS if kind.joins(family.kinds, either_sign=either_sign)]
+    kinds = [kind for kind in KINDS if not kind.even or (either_sign and not family.terms)]
     starts = {}
     for kind, clock in itertools.product(kinds, _resolved(limits)):
         shapes = kind.starts(_memories(limits, clock, const.MEMORIES))
