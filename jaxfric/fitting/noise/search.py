@@ -285,12 +285,12 @@ def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
     """
     best, tried = _best_of(record, Family(), np.zeros((1, 0))), set()
     for _ in range(const.MOST_PARTS):
-        more = _best_start(record, best, _with_another(record, best, either_sign), tried)
+        more = _best_from(record, best, _with_another(record, best, either_sign), tried)
         if not _pays(record, more, best):
             break
         best = more
     for _ in range(const.EXCHANGES if best.family.terms else 0):
-        more = _best_start(record, best, _exchanged(record, best), tried)
+        more = _best_from(record, best, _exchanged(record, best), tried)
         if not _pays(record, more, best):
             break
         best = more
@@ -330,12 +330,11 @@ def _resolved(limits: Limits) -> list[int]:
     return np.flatnonzero(limits.longest > limits.shortest).tolist()
 
 
-def _best_start(
+def _best_from(
     record: NoiseRows, best: Found, starts: Mapping[Family, np.ndarray], tried: set[Family]
 ) -> Found:
-    """The noise of lowest BIC, refined from the likeliest `starts`; refined as long as its BIC can
-    be lower than that of `best`. A family that is not in `tried` also starts with all its parts at
-    once (`_all_parts`), and joins `tried`.
+    """The noise of lowest BIC among `best` and those refined from the likeliest `starts`. A family
+    that is not in `tried` also starts with all its parts at once (`_all_parts`), and joins `tried`.
     """
     found = sorted(_likeliest(record, starts), key=lambda one: one.family.parameters - one.value)
     found = found[: const.REFINED]
