@@ -54,6 +54,18 @@ def covariance(time, sigma, share, tau):
     return sigma**2 * ((1 - share) * np.eye(len(time)) + share * np.exp(-lags / tau))
 
 
+def swing(d, memory, period):
+    """Correlation of a damped oscillation at distances d."""
+    w = 2 * np.pi / period
+    return np.exp(-d / memory) * (np.cos(w * d) + np.sin(w * d) / (w * memory))
+
+
+def frequencies(noise):
+    """Angular frequencies of the oscillations of a noise."""
+    parts = [part for part in noise.parts if getattr(part, "beta", -1) > 0]
+    return [np.sqrt(part.beta) * np.max(part.rates) for part in parts]
+
+
 def as_noise(sigma, share, tau):
     return noise_of(sigma, share, tau)
 
@@ -339,9 +351,7 @@ def test_a_second_part_is_found_where_there_is_hardly_any_white_noise(seed):
     rng, n = np.random.default_rng(seed), 400
     time = np.arange(float(n))
     apart = np.abs(time[:, None] - time)
-    decay, turn = apart / 1.5, 2 * np.pi * apart / 6
-    swing = np.exp(-decay) * (np.cos(turn) + np.sin(turn) / (2 * np.pi * 1.5 / 6))
-    covariance = 0.5 * np.exp(-apart / 30) + 0.49 * swing + 0.01 * np.eye(n)
+    covariance = 0.5 * np.exp(-apart / 30) + 0.49 * swing(apart, 1.5, 6.0) + 0.01 * np.eye(n)
     residual = 1e-3 * np.linalg.cholesky(covariance) @ rng.normal(size=n)
     jacobian = design(rng, time)
     found = estimate_noise(noise_rows(time, np.ones(n), residual, jacobian))
@@ -366,9 +376,7 @@ def test_two_oscillations_are_found(seed):
     rows = [(0.9, 90.0, 130.0), (0.09, 6.0, 8.7)]  # share, memory, period
     rho = 0.01 * (d == 0)
     for share, memory, period in rows:
-        w = 2 * np.pi / period
-        swing = np.cos(w * d) + np.sin(w * d) / (w * memory)
-        rho = rho + share * np.exp(-d / memory) * swing
+        rho = rho + share * swing(d, memory, period)
     root = np.linalg.cholesky(toeplitz(rho))
     residual = root @ np.random.default_rng(seed).standard_normal(n)
     white = solve_triangular(root, residual, lower=True)
@@ -404,14 +412,10 @@ def test_an_oscillation_that_the_rows_do_not_resolve_is_no_part(seed):
     """A swing of 3.3 rows, faster than the limit of four. A part at the limit predicts rows that
     stand closer wrongly: on p655 it hid the second state."""
     n, d = 800, np.arange(800.0)
-    w, memory = 2 * np.pi / 3.3, 8.0
-    swing = 0.8 * np.exp(-d / memory) * (np.cos(w * d) + np.sin(w * d) / (w * memory))
-    root = np.linalg.cholesky(toeplitz(swing + 0.2 * (d == 0)))
+    root = np.linalg.cholesky(toeplitz(0.8 * swing(d, 8.0, 3.3) + 0.2 * (d == 0)))
     residual = root @ np.random.default_rng(seed).standard_normal(n)
     found = estimate_noise(noise_rows(d, np.ones(n), residual, np.zeros((n, 0)))).noise
-    for part in found.parts:
-        swings = np.sqrt(np.maximum(getattr(part, "beta", 0.0), 0.0)) * np.max(part.rates)
-        assert swings < 0.999 * np.pi / 2  # radians a row
+    assert all(w < 0.999 * np.pi / 2 for w in frequencies(found))  # radians a row
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -421,13 +425,11 @@ def test_close_rows_resolve_an_oscillation_that_most_rows_do_not(seed):
     rng, n = np.random.default_rng(seed), 1000
     time = np.cumsum(rng.choice([0.01, 0.03], n, p=[0.45, 0.55]))
     apart = np.abs(time[:, None] - time)
-    w, memory = 2 * np.pi / 0.08, 0.1
-    swing = np.exp(-apart / memory) * (np.cos(w * apart) + np.sin(w * apart) / (w * memory))
-    root = np.linalg.cholesky(0.5 * swing + 0.45 * np.exp(-apart) + 0.05 * np.eye(n))
+    rho = 0.5 * swing(apart, 0.1, 0.08) + 0.45 * np.exp(-apart) + 0.05 * np.eye(n)
+    root = np.linalg.cholesky(rho)
     residual = root @ rng.standard_normal(n)
     found = estimate_noise(noise_rows(time, np.ones(n), residual, np.zeros((n, 0)))).noise
-    swings = [np.sqrt(p.beta) * np.max(p.rates) for p in found.parts if getattr(p, "beta", -1) > 0]
-    assert 2 * np.pi / max(swings) == pytest.approx(0.08, rel=0.1)
+    assert 2 * np.pi / max(frequencies(found)) == pytest.approx(0.08, rel=0.1)
 
 
 def test_rows_of_weight_zero_change_no_estimate():

@@ -10,6 +10,7 @@ few stretches of rows, and the estimate of their sizes more stretches. The stand
 and the likelihood use all rows.
 """
 
+import functools
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -284,27 +285,24 @@ def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
     part that is added first may be a compromise between two others.
     """
     best, tried = _best_of(record, Family(), np.zeros((1, 0))), set()
-    for _ in range(const.MOST_PARTS):
-        more = _best_from(record, best, _with_another(record, best, either_sign), tried)
-        if not _pays(record, more, best):
-            break
-        best = more
-    for _ in range(const.EXCHANGES if best.family.terms else 0):
-        more = _best_from(record, best, _exchanged(record, best), tried)
-        if not _pays(record, more, best):
-            break
-        best = more
+    added = functools.partial(_with_another, either_sign=either_sign)
+    for starts, most in ((added, const.MOST_PARTS), (_exchanged, const.EXCHANGES)):
+        for _ in range(most):
+            more = _best_from(record, best, starts(record, best), tried)
+            if not _pays(record, more, best):
+                break
+            best = more
     return best
 
 
-def _with_another(record: NoiseRows, best: Found, either_sign: bool) -> dict[Family, np.ndarray]:
+def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> dict[Family, np.ndarray]:
     """Starts of every family with one more part."""
     limits, family = record.limits, best.family
     # sizes are relative to white noise: scale them up if the noise is mostly correlated
     white = -float(np.log(np.clip(best.noise.white, np.exp(-const.LARGEST), 1.0)))
     kinds = [kind for kind in KINDS if not kind.even or (either_sign and not family.terms)]
     starts = {}
-    for kind, clock in itertools.product(kinds, _resolved(limits)):
+    for kind, clock in itertools.product(kinds, _clocks(limits)):
         shapes = kind.starts(_memories(limits, clock, const.MEMORIES))
         new = [(white + size, *own) for size in kind.sizes for own in shapes]
         more, theta = family.joined(kind.over(clock), best.theta, new)
@@ -317,7 +315,7 @@ def _exchanged(record: NoiseRows, best: Found) -> dict[Family, np.ndarray]:
     limits, starts = record.limits, {}
     for k, (size, *_) in enumerate(best.family.split(best.theta)):
         rest, theta = best.family.without(k, best.theta)
-        for kind, clock in itertools.product((Exponential, Resonator), _resolved(limits)):
+        for kind, clock in itertools.product((Exponential, Resonator), _clocks(limits)):
             new = [(size, *own) for own in kind.starts(_memories(limits, clock, const.MEMORIES))]
             family, thetas = rest.joined(kind.over(clock), theta, new)
             if family.unordered != best.family.unordered:
@@ -325,7 +323,7 @@ def _exchanged(record: NoiseRows, best: Found) -> dict[Family, np.ndarray]:
     return starts
 
 
-def _resolved(limits: Limits) -> list[int]:
+def _clocks(limits: Limits) -> list[int]:
     """The clocks on which a correlation length can be found."""
     return np.flatnonzero(limits.longest > limits.shortest).tolist()
 

@@ -169,8 +169,7 @@ def _likeliest(
     once = memory  # the shape, frequency times memory, of an oscillation at 1/rad
     starts = [np.array([SIZE, memory + a, SIZE, memory, once]) for a in SHORTER]
     turning = profile_noise(rows, family, starts, least=least)
-    worth = 0.5 * math.log(len(residual))
-    return max((found, turning), key=lambda one: one.value - worth * one.family.parameters)
+    return max((found, turning), key=rows.merit)
 
 
 def _worth(clocks: list[np.ndarray], noise: Noise) -> np.ndarray:
