@@ -103,6 +103,50 @@ def test_teeth_are_not_the_slips_on_their_flanks(seed):
     assert found.period == pytest.approx(0.164, rel=0.05)
 
 
+def impulses(random, count, size):
+    """Outliers of a transducer: one to six neighbouring rows in a hundred, up and down."""
+    out = np.zeros(count)
+    for row in np.flatnonzero(random.random(count) < 0.01):
+        out[row : row + random.integers(1, 4)] = size * random.standard_normal()
+    return out
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_teeth_are_not_the_outliers_on_their_flanks(seed):
+    """Paper slips by about .04 every 1.6 s, in rows every half millisecond; outliers of .01 were
+    told as hundreds of teeth of .006 every .025 s."""
+    random = np.random.default_rng(seed)
+    t = np.arange(0, 40, 5e-4)
+    lasts = 1.6 * (1 + 0.2 * random.standard_normal(40))
+    tips = np.cumsum(lasts)
+    tooth = np.searchsorted(tips, t)
+    phase = (t - tips[tooth] + lasts[tooth]) / lasts[tooth]
+    rise = 0.025 * lasts[tooth] * np.where(phase < 0.02, 1 - phase / 0.02, phase - 0.02)
+    friction = 0.3 + rise + 5e-4 * random.standard_normal(len(t)) + impulses(random, len(t), 0.01)
+    found = find_teeth(t, np.round(friction / 6e-4) * 6e-4)
+    assert sum(one.stop - one.start for one in found) > 30
+    for one in found:
+        assert one.drop == pytest.approx(0.04, rel=0.15)
+        assert one.period == pytest.approx(1.6, rel=0.15)
+
+
+def test_outliers_are_no_teeth():
+    """Also where friction rises: outliers on a slope fall faster than they rise. One record in four
+    hundred is told as stick-slip by chance."""
+    time, told = 0.1 * np.arange(4000), 0
+    for seed in range(30):
+        random = np.random.default_rng(seed)
+        noise = 3e-4 * random.standard_normal(4000) + impulses(random, 4000, 5e-3)
+        told += bool(find_teeth(time, 0.6 + (0.0, 2e-5, 1e-4)[seed % 3] * time + noise))
+    assert told <= 1
+
+
+def test_noise_with_heavy_tails_has_no_teeth():
+    """Student's t with 1.5 degrees of freedom: one record in forty is told as stick-slip."""
+    draws = (np.random.default_rng(seed).standard_t(1.5, 4000) for seed in range(40))
+    assert sum(bool(find_teeth(0.1 * np.arange(4000), 0.6 + 3e-4 * noise)) for noise in draws) <= 3
+
+
 def test_teeth_end_where_they_end():
     friction = 0.6 + np.where((T > 105) & (T < 255), saw(T, 15, 0.02), 0.0)
     (found,) = find_teeth(T, friction + 2e-4 * RNG.standard_normal(len(T)))
@@ -447,7 +491,7 @@ def test_a_reason_of_the_program_has_a_code_and_that_of_a_user_has_none(tmp_path
 
 def test_glitches_beside_teeth_are_of_the_teeth():
     def friction(t):
-        spike = 0.005 * (np.abs(t - 40) < 0.11) + 0.005 * (np.abs(t - 20) < 0.11)
+        spike = 0.005 * (np.abs(t - 60) < 0.11) + 0.005 * (np.abs(t - 20) < 0.11)
         return 0.6 + np.where(t > 70, saw(t, 20, 0.02), 0.0) + spike
 
     found = find_events(run([(0, 3e-6)], friction=friction)).events

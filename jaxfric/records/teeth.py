@@ -1,6 +1,7 @@
 """Features of friction alone: the saw teeth of stick-slip, spikes, and dips of |friction| where the
 load point reverses."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,8 +10,8 @@ from .differences import noise_from_differences, runs_of
 from .record import Record
 from .steps import VelocitySteps
 
-_HEIGHT, _LEAST = 8.0, 0.004
-"""Least height of a tooth over the noise of neighbouring rows, and over friction."""
+_HEIGHT, _LEAST = 4.0, 0.004
+"""Least height of a turn over the noise of neighbouring rows, and of a tooth over friction."""
 _TEETH, _ALIKE, _STEEP, _LESS_STEEP = 4, 4.0, 0.34, 0.42
 """Stick-slip has at least `_TEETH` teeth. Their drops and periods agree within the factor `_ALIKE`.
 A drop takes at most `_STEEP` of the time of the rise before it (`_LESS_STEEP` after the first
@@ -18,13 +19,18 @@ tooth), or one row."""
 _BEFORE, _ODD = 1.5, 2.5
 """Largest duration in periods of the rise before the first tooth, and of the time from a drop to
 the next tip across an irregular tooth."""
-_FLANK, _LARGER = 0.5, 1.5
-"""If friction rises from tip to tip by more than `_FLANK` of a drop, the teeth are noise on the
-flank of a larger tooth, and teeth `_LARGER` times as high are searched."""
+_LARGER, _CLEAR, _COVER = 1.5, 2.5, 0.8
+"""The least height of a turn is raised by the factor `_LARGER` again and again. Teeth with a drop
+below `_CLEAR` of the least turn are turns of noise. Of several heights the smallest counts at which
+the teeth last `_COVER` of the longest duration."""
 _NEAR = 0.2
 """Share of a rise or drop that counts as near its ends."""
-_SMALL = 0.3
-"""Turns below this share of the usual drop are no teeth."""
+_BLURRED, _PASSED, _LEFT = 4.0, 25.0, 0.41
+"""A running median blurs teeth with a period below `_BLURRED` windows. It leaves teeth with a
+period above `_PASSED` windows unchanged, and the share `_LEFT` of white noise."""
+_SHARE, _SCATTERS = 0.05, 5.0
+"""An outlier deviates from the running median by more than the share `_SHARE` of a drop, and by
+`_SCATTERS` of the noise."""
 _SPIKE, _WIDE, _WINDOW, _AROUND = 18.0, 3, 9, 200
 """A spike deviates from the running median over `_WINDOW` rows by `_SPIKE` times the usual scatter,
 over at most `_WIDE` rows; the usual scatter is that of `_AROUND` rows."""
@@ -71,10 +77,18 @@ def turns(values: np.ndarray, least: float) -> np.ndarray:
     return np.array(found, int)
 
 
-def turns_from_foot(values: np.ndarray, least: float) -> np.ndarray:
-    """Return the rows of alternating minima and maxima (`turns`) from the first minimum on."""
-    rows = turns(values, least)
+def from_foot(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return the rows of alternating minima and maxima from the first minimum on."""
     return rows[1:] if len(rows) > 1 and values[rows[0]] > values[rows[1]] else rows
+
+
+class Sawtooth(NamedTuple):
+    """The intervals of stick-slip of some rows; the friction (n,) in which they were `found`, and
+    `friction` (n,) without outliers."""
+
+    teeth: list[Teeth]
+    found: np.ndarray
+    friction: np.ndarray
 
 
 def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
@@ -82,35 +96,65 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
 
     A tooth is a rise and a drop of similar height; the drop is at least three times as fast as the
     rise (after the first tooth more than twice). Correlated noise, unlike a tooth, falls as fast as
-    it rises. In stick-slip a rise compensates the drop before it. If friction still rises from tip
-    to tip by half of a drop or more, the teeth are noise on the flank of a larger tooth. If
-    friction rises from tip to tip, or if no tooth is found, the search continues with larger teeth.
+    it rises. Outliers and small slips on the flank of a tooth are no teeth: they do not last, and
+    a running median removes outliers. So long teeth are searched in the running median over nine
+    rows.
     """
+    return sawtooth(time, friction).teeth
+
+
+def sawtooth(time: np.ndarray, friction: np.ndarray) -> Sawtooth:
+    """Return the teeth of rows at one velocity (`find_teeth`); if the teeth are long, outliers of
+    friction are replaced by the running median."""
+    from scipy.ndimage import median_filter  # imported late: fits do not need it
+
     if len(time) < 4 * _TEETH:
-        return []
-    level = abs(float(np.median(friction)))
-    least = max(_HEIGHT * noise_from_differences(friction), _LEAST * level)
-    largest, found = 0.5 * float(np.ptp(friction)), []
-    while True:
-        here, of_flanks = _stretches(time, friction, least)
-        found = here or found
-        if (here and not of_flanks) or least > largest:
-            return found
+        return Sawtooth([], friction, friction)
+    noise, window = noise_from_differences(friction), _WINDOW * float(np.median(np.diff(time)))
+    smooth = median_filter(friction, _WINDOW, mode="nearest")
+    teeth, long = _longest(time, friction, noise), _longest(time, smooth, _LEFT * noise)
+    period, longer = (_median([one.period for one in some]) for some in (teeth, long))
+    # teeth of several windows that the running median does not show are outliers
+    seen = period < _BLURRED * window or longer < _LARGER * period
+    if period < _PASSED * window and seen and _lasting(teeth) >= _COVER * _lasting(long):
+        return Sawtooth(teeth, friction, friction)
+    limit = max(_SHARE * _median([one.drop for one in long]), _SCATTERS * noise)
+    kept = np.where(np.abs(friction - smooth) > limit, smooth, friction)
+    return Sawtooth(long, smooth, kept)
+
+
+def _longest(time: np.ndarray, friction: np.ndarray, noise: float) -> list[Teeth]:
+    """Return the intervals of the smallest teeth that last about as long as any teeth."""
+    least, visible = _HEIGHT * noise, _LEAST * abs(float(np.median(friction)))
+    rows, found = np.arange(len(friction)), []
+    while not found or least <= _LARGER * 0.5 * float(np.ptp(friction)):
+        rows = rows[turns(friction[rows], least)]  # large turns are among the small ones
+        teeth = _stretches(time, friction, rows)
+        found.append([one for one in teeth if one.drop > max(_CLEAR * least, visible)])
+        last = friction[(end := rows[-1] if len(rows) else 0) :]
+        rows = np.union1d(rows, [0, end + np.argmin(last), end + np.argmax(last)])
         least *= _LARGER
+    lasts = np.array([_lasting(teeth) for teeth in found])
+    return found[int(np.argmax(lasts >= _COVER * lasts.max()))]
 
 
-def _stretches(time: np.ndarray, friction: np.ndarray, least: float) -> tuple[list[Teeth], bool]:
-    """Return intervals of teeth between turns of at least `least`, and whether other teeth lie on
-    flanks of larger ones."""
-    *_, drop, ratio = found = _measured(time, friction, least)
-    usual = drop[ratio <= _STEEP]
-    if len(usual) >= _TEETH and _SMALL * np.median(usual) > least:
-        found = _measured(time, friction, _SMALL * float(np.median(usual)))
-    feet, tips, ends, drop, ratio = found
+def _lasting(teeth: Sequence[Teeth]) -> float:
+    """Return the total duration of intervals [s]."""
+    return sum(one.stop - one.start for one in teeth)
+
+
+def _median(values: list[float]) -> float:
+    """Return the median, infinite without values."""
+    return float(np.median(values)) if values else np.inf
+
+
+def _stretches(time: np.ndarray, friction: np.ndarray, rows: np.ndarray) -> list[Teeth]:
+    """Return intervals of teeth between the turns at `rows`."""
+    feet, tips, ends, drop, ratio = _measured(time, friction, rows)
     number = len(ends)
     steep, go_on = ratio <= _STEEP, ratio <= _LESS_STEEP
     wait = np.diff(time[tips], prepend=np.nan)
-    out, first, of_flanks = [], 0, False
+    out, first = [], 0
     for k in range(number + 1):
         if k < number and (steep[k] if k == first else go_on[k]):
             if k == first:
@@ -120,17 +164,14 @@ def _stretches(time: np.ndarray, friction: np.ndarray, least: float) -> tuple[li
                 continue
         if k - first >= _TEETH:
             usual_drop = float(np.median(drop[first:k]))
-            climbed = abs(friction[tips[k - 1]] - friction[tips[first]]) / (k - 1 - first)
-            if climbed > _FLANK * usual_drop:
-                of_flanks, first = True, k if k < number and steep[k] else k + 1
-                continue
             period = float(np.median(wait[first + 1 : k]))
-            # a long rise before the first tooth may have another cause
-            tip, stop = float(time[tips[first]]), float(time[ends[k - 1]])
+            # a long rise before the first tooth, or fall after the last, may have another cause
+            tip, last = float(time[tips[first]]), float(time[tips[k - 1]])
             start = max(float(time[feet[first]]), tip - _BEFORE * period)
+            stop = min(float(time[ends[k - 1]]), last + _LESS_STEEP * period)
             out.append(Teeth(start, tip, stop, usual_drop, period))
         first = k if k < number and steep[k] else k + 1
-    return _joined(out), of_flanks
+    return _joined(out)
 
 
 def _joined(stretches: list[Teeth]) -> list[Teeth]:
@@ -148,10 +189,10 @@ def _joined(stretches: list[Teeth]) -> list[Teeth]:
     return out
 
 
-def _measured(time: np.ndarray, friction: np.ndarray, least: float) -> tuple[np.ndarray, ...]:
-    """Return the teeth between turns of at least `least`: rows of foot, tip and end, the drops, and
+def _measured(time: np.ndarray, friction: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return the teeth between the turns at `rows`: rows of foot, tip and end, the drops, and
     the ratio of the durations of drop and previous rise (0: one row)."""
-    rows = turns_from_foot(friction, least)
+    rows = from_foot(friction, rows)
     ends = rows[2::2]
     feet, tips = rows[0::2][: len(ends)], rows[1::2][: len(ends)]
     rise = [_between(time, friction, a, b) for a, b in zip(feet, tips, strict=True)]

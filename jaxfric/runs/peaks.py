@@ -39,10 +39,11 @@ def peak_of(t: np.ndarray, f: np.ndarray, level: float, white: float) -> Peak:
     x = (t[rows] - t[top]) / (t[rows][-1] - t[rows][0])
     tops, variances = [], []
     for order in (3, 4):
-        p = np.polyfit(x, f[rows], order)
+        fitted = np.linalg.pinv(np.vander(x, order + 1))
+        p = fitted @ f[rows]
         at = np.linspace(x[0], x[-1], 401)
         at = at[[np.argmax(np.polyval(p, at))]]
-        gain = np.vander(at, order + 1) @ np.linalg.pinv(np.vander(x, order + 1))
+        gain = np.vander(at, order + 1) @ fitted
         tops.append(float(np.polyval(p, at)[0]))
         variances.append(white**2 * float((gain**2).sum()))
     beyond = tops[1] - tops[0]

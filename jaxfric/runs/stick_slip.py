@@ -18,7 +18,7 @@ import numpy as np
 from ..findings import warned
 from ..records import Record
 from ..records.differences import noise_from_differences
-from ..records.teeth import find_teeth, turns_from_foot
+from ..records.teeth import from_foot, sawtooth, turns
 from .events import Event
 from .peaks import SCATTERS, peak_of
 from .reasons import RunReason
@@ -154,13 +154,13 @@ def _rises(record: Record, event: Event) -> Rises:
         nothing, why = np.zeros((0, len(EDGES) - 1)), warned(code, **values)
         return Rises(event.time, event.stop, velocity, about, nothing, none, none, none, why=why)
 
-    found = _teeth(time, friction)
+    found, seen, friction = _teeth(time, friction)
     if len(found) < _FEWEST:
         return without(RunReason.FEW_TEETH, teeth=len(found), first=_FIRST, needed=_FEWEST)
     if np.median([tooth.tip - tooth.foot for tooth in found]) < _ROWS:
         return without(RunReason.SHORT_RISE, needed=_ROWS)
     white = noise_from_differences(friction)
-    drops, beyond = np.array([_drop(time, friction, tooth, white) for tooth in found]).T
+    drops, beyond = np.array([_drop(time, friction, seen, tooth, white) for tooth in found]).T
     periods = np.array([time[k.tip] - time[k.before] for k in found])
     heights = np.array([friction[k.tip] - friction[k.foot] for k in found])
     kept = _usual(drops) & _usual(heights) & _usual(periods)
@@ -175,7 +175,7 @@ def _rises(record: Record, event: Event) -> Rises:
     slope, foot = straight(rise)
     if not (slope > 0 and rise[-1] > foot):
         return without(RunReason.NO_RISE)
-    between = np.median([_fall(time, friction, tooth) for tooth in found])
+    between = np.median([_fall(time, seen, tooth) for tooth in found])
     return Rises(
         event.time,
         event.stop,
@@ -191,28 +191,31 @@ def _rises(record: Record, event: Event) -> Rises:
     )
 
 
-def _teeth(time: np.ndarray, friction: np.ndarray) -> list[_Tooth]:
-    """Return the teeth without the first `_FIRST`."""
-    stretches = find_teeth(time, friction)
-    if not stretches:
-        return []
-    rows = turns_from_foot(friction, _TURN * float(np.median([one.drop for one in stretches])))
+def _teeth(time: np.ndarray, friction: np.ndarray) -> tuple[list[_Tooth], np.ndarray, np.ndarray]:
+    """Return the teeth without the first `_FIRST`, the friction in which they are found, and the
+    friction without outliers."""
+    teeth, seen, friction = sawtooth(time, friction)
+    if not teeth:
+        return [], seen, friction
+    least = _TURN * float(np.median([one.drop for one in teeth]))
+    rows = from_foot(seen, turns(seen, least))
     turned = [
-        (int(start), int(high), int(low), _edges(friction, high, low))
+        (int(start), int(high), int(low), _edges(seen, high, low))
         for start, high, low in zip(rows[0::2], rows[1::2], rows[2::2], strict=False)
     ]
-    return [
+    found = [
         _Tooth(start, high, low, before, foot, tip)
         for (start, high, low, (before, foot)), (*_, (tip, _)) in pairwise(turned[_FIRST - 1 :])
     ]
+    return found, seen, friction
 
 
 def _drop(
-    time: np.ndarray, friction: np.ndarray, tooth: _Tooth, white: float
+    time: np.ndarray, friction: np.ndarray, seen: np.ndarray, tooth: _Tooth, white: float
 ) -> tuple[float, float]:
     """Return the drop before a tooth, and its change from cubics to quartics."""
-    last, first = _edges(friction, tooth.high, tooth.low, SCATTERS * white)
-    high, low = float(friction[tooth.high]), float(friction[tooth.low])
+    last, first = _edges(seen, tooth.high, tooth.low, SCATTERS * white)
+    high, low = float(seen[tooth.high]), float(seen[tooth.low])
     rise, after = slice(tooth.start, last + 1), slice(first, tooth.tip + 1)
     tip = peak_of(time[rise], friction[rise], low, white)
     foot = peak_of(time[after], -friction[after], -high, white)
