@@ -21,6 +21,7 @@ from jaxfric.loop.refusal import Fault
 from jaxfric.prediction.result import NoteCode
 from jaxfric.report.words import REASONS, TEMPLATES, WARNINGS, change_words, say
 from jaxfric.runs.reasons import RunReason
+from jaxfric.stability.reasons import ClaimReason
 
 HERE = Path(__file__).parent
 DATA = HERE.parent / "data"
@@ -233,13 +234,13 @@ def test_every_warning_and_reason_that_is_made_has_its_words_and_all_values() ->
                 if words is None or (None not in given and not fields(words) <= given):
                     missing.append((path.name, node.lineno, code))
     assert made > 80 and missing == []
-    assert REASONS.keys() == {*map(str, RunReason), *map(str, NoteCode)}
+    assert REASONS.keys() == {*map(str, RunReason), *map(str, NoteCode), *map(str, ClaimReason)}
     assert set(map(str, WarningCode)) - WARNINGS.keys() == IN_PLACE
     assert WARNINGS.keys() <= set(map(str, WarningCode))
 
 
-MAKERS = ("warned", "because", "without")
-CODES = {one.__name__: one for one in (WarningCode, RunReason, NoteCode)}
+MAKERS = ("warned", "because", "without", "no_claim")
+CODES = {one.__name__: one for one in (WarningCode, RunReason, NoteCode, ClaimReason)}
 IN_PLACE = {
     *(WarningCode.MISSED, WarningCode.DRIFT, WarningCode.WANDERS, WarningCode.GLITCHES),
     *(WarningCode.MISFIT, WarningCode.SECOND_SEARCH),

@@ -16,7 +16,7 @@ from ..effects import effect_of
 from ..errors import InputError, option
 from ..findings import WarningCode, warned
 from ..loop import Loop
-from ..loop.axis.driven import ONE_SPEED, Driven, at_one_speed
+from ..loop.axis.driven import Driven, at_one_speed
 from ..loop.findings import LoopCode
 from ..loop.steady.loop import SteadyLoop
 from ..loop.steady.model import curve_covariance
@@ -26,6 +26,7 @@ from ..rig.axis import LAW, AxisRig, BaseLaw
 from ..saved.entry import supported, verdict_words
 from ..saved.files import own_warnings, read_saved, refuse_damage, table_damage, values_of
 from ..schemas import LOOP, STEADY
+from ..stability.reasons import ClaimReason
 from .units import amplitude, unit_of
 
 Content = Mapping
@@ -298,8 +299,8 @@ def _refuse(content: Content, about: Content, effects: tuple[str, ...], source: 
     elif not why and at_one_speed(directions):
         unit = "rad/s" if about.get("coordinate") == "rotary" else "m/s"
         told = said("axis_loop_text.words_of_driven", directions, content["friction_unit"], unit)
-        why = f"{ONE_SPEED}, so friction is known only there ({told}); record several speeds in"
-        why += " both directions"
+        why = f"{warned(ClaimReason.ONE_SPEED)}, so friction is known only there ({told});"
+        why += " record several speeds in both directions"
     elif not why and content.get("findings") is not None and not _claims(content):
         why = "no rows support its friction, so it must not be used for compensation. "
         why += _sentence(about) or "nothing is said of its friction."

@@ -12,7 +12,8 @@ from ..findings import Finding
 from ..motion import PiecewiseVelocity
 from ..records import Record, VelocitySteps
 from ..rig import Rig
-from ..stability.claims import OTHER_LENGTH, Claim, held_with_trend, one_sign, rate_state_claim
+from ..stability.claims import Claim, held_with_trend, no_claim, one_sign, rate_state_claim
+from ..stability.reasons import ClaimReason
 from ..units import factor
 from .derived import (
     Critical,
@@ -174,7 +175,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
     def claim(self) -> Claim:
         """The stability claim of the fitted model itself, without regard to a missing trend."""
         if not self.converged:
-            return Claim("open", ("the fit did not converge",))
+            return no_claim(ClaimReason.NOT_CONVERGED)
         lengths = [n for n in self.parameters if n.rstrip("0123456789") == "L"]
         _, error = difference(self)
         names = amplitudes(self)
@@ -182,9 +183,9 @@ class Fit(Described, Drawable, Gridded, Tabular):
         known = all(self.parameters[n].determined for n in names)
         claim = rate_state_claim(A, B, error, determined=known)
         if claim.kind != "open" and not one_sign(self._along):
-            return Claim("open", (OTHER_LENGTH,))
+            return no_claim(ClaimReason.OTHER_LENGTH)
         if claim.kind == "critical" and not all(self.parameters[n].determined for n in lengths):
-            return Claim("open", ("L is not determined",))
+            return no_claim(ClaimReason.UNDETERMINED, parameter="L")
         return claim
 
     def to_json(self) -> dict:

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from ..described import said
-from ..stability.claims import Claim, Curve, curve_claim
+from ..stability.claims import Claim, Curve, curve_claim, no_claim
+from ..stability.reasons import ClaimReason
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class AxisGains:
     def claim(self) -> Claim:
         """The statement on stability that the slope of the friction curve supports."""
         if self.curve is None:
-            return Claim("open", ("the error and range of the fitted curve are unknown",))
+            return no_claim(ClaimReason.UNKNOWN)
         return curve_claim(self.curve)
 
     def sentence(self, force: str = "N", speed: str = "m/s") -> str:

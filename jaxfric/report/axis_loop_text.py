@@ -7,13 +7,14 @@ import numpy as np
 from ..fitting import Estimate
 from ..fitting.axis_fit import AxisFit
 from ..gains.axis_result import AxisGains
-from ..loop.axis.driven import ONE_SPEED, UNKNOWN, Driven, at_one_speed
+from ..loop.axis.driven import UNKNOWN, Driven, at_one_speed
 from ..loop.axis.result import AxisDetails
 from ..loop.family import listed
+from ..stability.reasons import ClaimReason
 from ..units import measured
 from .estimates import UNDETERMINED, bracketed
 from .tables import TextTable
-from .words import capital, say
+from .words import capital, coded, say
 
 _APART, _FACTOR = 4.0, 1.5
 FRICTION = ("F_c", "F_v", "M")
@@ -34,7 +35,7 @@ def found(details: AxisDetails) -> str:
     if details.withheld or not at_one_speed(details.driven):
         return details.withheld
     told = words_of_driven(details.driven, *_units(details))
-    return f"{told}; {listed(UNKNOWN)} are not known, as {ONE_SPEED}"
+    return f"{told}; {listed(UNKNOWN)} are not known, as {coded(ClaimReason.ONE_SPEED, {})}"
 
 
 def words_of_driven(directions: Sequence[Driven], force: str, speed: str) -> str:

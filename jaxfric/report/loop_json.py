@@ -106,6 +106,7 @@ def axis(details: AxisDetails) -> dict[str, object]:
             "gains": {
                 **least,
                 "claim": gains.claim.kind,
+                **listed(gains.claim.reasons, "reasons", "reasons_coded"),
                 **{end: getattr(gains.curve, end, None) for end in ("slowest", "fastest")},
                 "sentence": stability(details),
             },

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..findings import listed
 from ..fitting.noise import step_words
 from ..loop.steady.loop import (
     FEWEST,
@@ -228,7 +229,8 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
         "candidates": [model(m) for m in loop.candidates],
         "gains": {
             **entries(gains, "worst_velocity", "slope", "least_damping"),
-            **entries(gains.claim, "reasons", claim="kind"),
+            "claim": gains.claim.kind,
+            **listed(gains.claim.reasons, "reasons", "reasons_coded"),
             "damping": gains.claim.damping if gains.claim.kind == "damped" else None,
             **entries(valid, "slowest", "fastest", "above", not_seen="unseen", slope_std="error"),
             "sentence": sentence(loop),

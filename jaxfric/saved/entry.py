@@ -34,7 +34,8 @@ from ..quantity import numbered_names
 from ..rig import Rig
 from ..rig.axis import LAW, AxisRig
 from ..schemas import FIT, LOOP
-from ..stability.claims import OTHER_LENGTH, Claim, held_with_trend, one_sign, rate_state_claim
+from ..stability.claims import Claim, held_with_trend, no_claim, one_sign, rate_state_claim
+from ..stability.reasons import ClaimReason
 from .files import (
     Saved,
     is_lines,
@@ -228,15 +229,15 @@ def _doubts(content: Mapping) -> list[str]:
         determined=all(known[name].get("determined", True) for name in ("A", *names)),
     )
     if claim.kind != "open" and not _is_known(content):
-        claim = Claim("open", (OTHER_LENGTH,))
+        claim = no_claim(ClaimReason.OTHER_LENGTH)
     claim = held_with_trend(claim, content.get("A_minus_B_with_trend"))
     return open_words("fit", claim, "values and samples")
 
 
 def _undetermined(table: Mapping) -> list[str]:
     """Warn if the model of a loop leaves the sign of A - B undetermined."""
-    reasons = ("the sign of A - B is not determined",)
-    claim = Claim("critical" if _is_known(table) else "open", reasons)
+    unknown = no_claim(ClaimReason.UNDETERMINED, parameter="the sign of A - B")
+    claim = Claim("critical") if _is_known(table) else unknown
     return open_words("loop", claim, "values and samples")
 
 

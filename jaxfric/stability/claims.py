@@ -25,15 +25,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import option
+from ..findings import Warned, warned
 from ..units import measured
+from .reasons import ClaimReason
 from .thresholds import FALSE_ALARM, FEWEST, LARGEST_SHARE, SURE
 
 Kind = Literal["free", "damped", "critical", "open"]
 """free: any k_p > 0 is stable. damped: any k_p > 0 is stable with enough k_v. critical: a critical
 stiffness exists. open: no statement is supported."""
-OTHER_LENGTH = "another D_c, with A - B of the other sign, fits as well: longer steps would decide"
-"""A reason of an open claim."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +52,8 @@ class Above:
 class Unseen:
     """Speeds at which the record does not show friction in steady motion."""
 
-    what: str
-    """The reason in words, such as "2 runs moved unevenly"."""
+    what: Warned
+    """The reason, with its code."""
     speed: float
     """Largest speed concerned [m/s or rad/s]; inf: all speeds."""
 
@@ -78,7 +77,7 @@ class Claim:
     """The statement on stability that a measurement supports."""
 
     kind: Kind
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Warned, ...] = ()
     """Reasons why no statement is supported; empty unless `kind` is "open"."""
     damping: float = 0.0
     """If `kind` is "damped": sufficient k_v, minus the least slope plus two standard errors."""
@@ -91,15 +90,20 @@ class Claim:
     """
 
 
+def no_claim(reason: ClaimReason, **values: object) -> Claim:
+    """An open claim with one reason."""
+    return Claim("open", (warned(reason, **values),))
+
+
 def curve_claim(curve: Curve) -> Claim:
     """The claim that a curve of friction against speed supports from `slowest` to `fastest`."""
     reasons = []
     if curve.above is not None:
-        reasons.append("at low speed friction lies above the fitted curve")
+        reasons.append(warned(ClaimReason.ABOVE))
     reasons += [one.what for one in curve.unseen if not one.speed < curve.slowest]
     slope, error = curve.slope, SURE * curve.error
     if not (math.isfinite(slope) and math.isfinite(error) and abs(slope) > error):
-        reasons.append("the slope of friction against speed is not determined")
+        reasons.append(warned(ClaimReason.SLOPE))
     if reasons:
         return Claim("open", tuple(reasons))
     if slope > 0:
@@ -123,14 +127,13 @@ def rate_state_claim(
     """
     difference = A - math.fsum(B)
     if not determined or not all(math.isfinite(x) for x in (A, *B, error)):
-        return Claim("open", ("A, B or L is not determined",))
+        return no_claim(ClaimReason.UNDETERMINED, parameter="A, B or L")
     if min(B) < 0:
-        return Claim("open", ("B is negative: what rises after a step is no evolution effect",))
+        return no_claim(ClaimReason.NEGATIVE)
     if not A > 0:
-        return Claim("open", ("A is not positive: there is no direct effect",))
+        return no_claim(ClaimReason.NO_DIRECT)
     if not abs(difference) > SURE * error:
-        told = measured(difference, error, short=True)
-        return Claim("open", (f"the sign of A - B, {told}, is not determined",))
+        return no_claim(ClaimReason.SIGN, difference=measured(difference, error, short=True))
     return Claim("free" if difference > 0 else "critical")
 
 
@@ -145,13 +148,7 @@ def held_with_trend(claim: Claim, with_trend: Sequence[float] | None) -> Claim:
     sign = 1.0 if claim.kind == "free" else -1.0
     if sign * value > SURE * error:
         return claim
-    return Claim(
-        "open",
-        (
-            f"with a trend of friction over slip A - B is {measured(value, error, short=True)}, so"
-            f" its sign is not determined ({option('slip-trend')} fits one)",
-        ),
-    )
+    return no_claim(ClaimReason.TREND, difference=measured(value, error, short=True))
 
 
 def above_curve(

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from ...findings import Finding
+from ...findings import Finding, warned
 from ...fitting.axis_fit import AxisFit, inverse_dynamics, output_error
 from ...fitting.axis_preparation import Prepared
 from ...fitting.axis_problem import AxisProblem
@@ -22,6 +22,7 @@ from ...rig.axis_law import axis_law
 from ...stability.claims import Curve, Unseen
 from ...stability.linear import linearise
 from ...stability.margins import stability_margin
+from ...stability.reasons import ClaimReason
 from ..engine import Engine
 from ..findings import claims_of_friction
 from ..learn import Floor
@@ -110,8 +111,7 @@ def details_of(
     own = abs(float(rig.turning_friction(place, usual)))
     if missed > UNEXPLAINED * own:
         unit_of = record.force_unit
-        what = f"the model misses the test block by {missed:.2g} {unit_of} beyond noise"
-        why = f"{what}, where friction is {own:.2g} {unit_of}"
+        why = warned(ClaimReason.MISSES, missed=missed, friction=own, unit=unit_of)
         supported = supported._replace(unseen=(*supported.unseen, Unseen(why, np.inf)))
     loose = [n for n, e in told.items() if not e.determined and n.split(".")[0] in acting]
     gains = _gains(rig, place, supported, record.drive, loose)
@@ -162,7 +162,8 @@ def _gains(
     gains = state_gains(rig, position, slow, fast, drive=drive)
     if gains is not None:
         error = known.error(gains.worst_velocity)
-        unknown = (Unseen(f"{name} is not determined", np.inf) for name in loose)
+        why = (warned(ClaimReason.UNDETERMINED, parameter=name) for name in loose)
+        unknown = (Unseen(one, np.inf) for one in why)
         unseen = (*known.unseen, *unknown)
         curve = Curve(gains.slope, error, slow, fast, known.above, unseen)
         return dataclasses.replace(gains, curve=curve)

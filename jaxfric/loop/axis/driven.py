@@ -14,7 +14,6 @@ from ...effects.axis import AXIS_STEADY_CURVES, DirectionAsymmetry, RateAndState
 from ..thresholds import ENDS_OF_SPEED, FEWEST_ROWS, NEAR_SPEED, ONE_SPEED_RANGE
 
 FORWARDS, BACKWARDS = "forwards", "backwards"
-ONE_SPEED = "each direction was driven at one speed"
 
 
 class Driven(NamedTuple):

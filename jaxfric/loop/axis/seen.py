@@ -15,12 +15,14 @@ import numpy as np
 from jaxtyping import Array
 
 from ...errors import option
+from ...findings import Warned, warned
 from ...fitting.axis_preparation import Prepared
 from ...fitting.axis_problem import SLOWEST, AxisProblem
 from ...fitting.uncertainty import normal_inverse
 from ...records.axis_record import AxisRecord
 from ...records.steady_mean import effective_samples
 from ...stability.claims import Above, Unseen, above_curve
+from ...stability.reasons import ClaimReason
 from ..engine import Engine
 from ..family import listed
 from ..refit import Candidate
@@ -42,7 +44,7 @@ from ..thresholds import (
     STEPS,
     UNEXPLAINED,
 )
-from .driven import ONE_SPEED, Driven, at_one_speed
+from .driven import Driven, at_one_speed
 from .result import AxisRows, Spring
 
 
@@ -74,32 +76,34 @@ def seen(
     found, unit, reference = search.final, record.length_unit, record.reference_position
     if reference is not None:
         reference = np.interp(rows.time, record.relative_time, reference)
-        dwells = ""
-    else:
-        dwells = " (if these were commanded dwells, record the reference position too)"
     speed = np.abs(rows.velocity[rows.used])
     ways = [speed[np.sign(rows.velocity[rows.used]) == one.sign] for one in directions]
     fastest = min(float(own.max()) for own in ways)
     unseen = []
     if at_one_speed(directions):
-        unseen.append(Unseen(ONE_SPEED, np.inf))
+        unseen.append(Unseen(warned(ClaimReason.ONE_SPEED), np.inf))
     size, removed = _stairs(rows, prepared)
     if size > 0:
-        what = f"position in {unit}" if prepared.of_position else f"velocity in {unit}/s"
-        cutoff = f"the low-pass at {prepared.preparation.cutoff:.3g} Hz"
-        unseen.append(Unseen(f"{cutoff} took stairs of {size:.1g} ({what}) away", removed))
+        of = ("position", unit) if prepared.of_position else ("velocity", f"{unit}/s")
+        cutoff = prepared.preparation.cutoff
+        why = warned(ClaimReason.STAIRS, cutoff=cutoff, size=size, of=of[0], unit=of[1])
+        unseen.append(Unseen(why, removed))
     limits = []
     for one, own in zip(directions, ways, strict=True):
         stops, unsteady = _stops(rows, reference, one.sign)
         if len(stops):
-            times = f"it stopped {len(stops)} time{'s' * (len(stops) > 1)} on its way"
-            what = f"{times} {one.direction}, at up to {stops.max():.2g} {unit}/s"
-            other = ", though slower strokes ran steadily" if unsteady < stops.max() else ""
-            unseen.append(Unseen(what + other + dwells, unsteady))
+            about = {"direction": one.direction, "speed": float(stops.max()), "unit": f"{unit}/s"}
+            why = [warned(ClaimReason.STOPPED, number=len(stops), **about)]
+            if unsteady < stops.max():
+                why.append(warned(ClaimReason.STEADY_BELOW))
+            unseen += [Unseen(text, unsteady) for text in why]
         limits.append(slowest_told(own, rows.width, unit, max(unsteady, removed), one.direction))
+    stopped = [one.speed for one in unseen if one.what.code is ClaimReason.STOPPED]
+    if stopped and reference is None:
+        unseen.append(Unseen(warned(ClaimReason.DWELLS), max(stopped)))
     slowest, why = max(limits)
     if slowest >= fastest:
-        unseen.append(Unseen("the two directions were driven at no speed in common", np.inf))
+        unseen.append(Unseen(warned(ClaimReason.APART), np.inf))
         slowest, fastest = (float(np.quantile(speed, SLOWEST)), float(speed.max()))
     unseen = [Unseen(why, np.nextafter(slowest, 0.0)), *unseen]
     unseen += [Unseen(why, np.inf) for why in doubts(engine, search, rows, withheld)]
@@ -109,50 +113,44 @@ def seen(
 
 def slowest_told(
     speed: np.ndarray, width: float, unit: str, unseen: float, direction: str
-) -> tuple[float, str]:
-    """The lowest speed at which the slope of friction is supported, and the reason as text.
+) -> tuple[float, Warned]:
+    """The lowest speed at which the slope of friction is supported, and the reason.
 
     speed : of the used rows of one `direction`, "forwards" or "backwards". width : of the smoothed
     sign of the velocity. unseen : speed up to which the record does not show friction of steady
     motion; 0: none.
     """
-    rare = f"only {100 * SLOWEST:g} % of the fitted rows {direction}"
+    rare, of = {"share": SLOWEST, "direction": direction}, f"{unit}/s"
     limits = [
-        (
-            4 * width,
-            f"rows below {2 * width:.2g} {unit}/s do not count, and up to twice that friction is"
-            " rounded off where the velocity turns",
-        ),
-        (float(np.quantile(speed, SLOWEST)), f"{rare} are slower"),
+        (4 * width, warned(ClaimReason.ROUNDED, speed=2 * width, unit=of)),
+        (float(np.quantile(speed, SLOWEST)), warned(ClaimReason.RARE, **rare)),
     ]
     faster = speed[speed > unseen]
     if unseen and len(faster):
-        text = f"{rare} above {unseen:.2g} {unit}/s are slower"
-        limits.append((float(np.quantile(faster, SLOWEST)), text))
+        why = warned(ClaimReason.RARE_ABOVE, **rare, above=unseen, unit=of)
+        limits.append((float(np.quantile(faster, SLOWEST)), why))
     return max(limits)
 
 
 def doubts(
     engine: Engine[AxisProblem], search: Search, rows: AxisRows, withheld: str = ""
-) -> list[str]:
-    """Reasons why the final fit of a search does not describe friction, as text. `withheld`, if not
-    empty, is the first reason.
+) -> list[Warned]:
+    """Reasons why the final fit of a search does not describe friction. `withheld`, if not empty,
+    is the first reason.
     """
-    why, found = [withheld] if withheld else [], search.final
+    why, found = [Warned(withheld)] if withheld else [], search.final
     if not engine.problem.possible(jnp.asarray(found.z)):
-        why.append("the fitted friction would drive the axis, so that the model is wrong")
+        why.append(warned(ClaimReason.DRIVES))
     force = np.asarray(engine.problem.friction)[: len(rows.time)][rows.used]
     left = float(engine.problem.noise_scale) * found.residual[: len(rows.time)][rows.used]
     share = float(np.sqrt(np.mean(left**2)) / np.std(force))
     if share > UNEXPLAINED:
-        why.append(f"the model leaves {100 * share:.0f} % of the force unexplained")
+        why.append(warned(ClaimReason.UNEXPLAINED, share=share))
     before, after = (one.rms["report"] for one in (search.base, found))
     noise = float(engine.problem.noise_scale) * float(found.noise.sigma)
     if found.effects and after > max(before, HELD_OUT * noise):
-        why.append(
-            f"rows that were never fitted are predicted worse with {listed(found.effects)} than"
-            f" without, by {100 * (after / before - 1):.0f} %"
-        )
+        more = after / before - 1
+        why.append(warned(ClaimReason.WORSE, effects=listed(found.effects), share=more))
     return why
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from ...described import Described, Drawable, Tabular, said
 from ...effects import ids_of
 from ...errors import InputError, option
-from ...findings import Finding, Severity, deciding_rows
+from ...findings import Finding, Severity, Warned, deciding_rows, warned
 from ...fitting.axis_problem import NEGLIGIBLE
 from ...fitting.fit import require_float64
 from ...fitting.noise.thresholds import CLEAR
@@ -33,6 +33,7 @@ from ...gains.thresholds import SPEEDS
 from ...lazy import old_arguments
 from ...records.steady import SteadyCurve
 from ...stability.claims import SURE, Unseen, above_curve
+from ...stability.reasons import ClaimReason
 from ..family import distinct
 from ..findings import LoopCode, claims_of_friction
 from ..thresholds import ACCEPT, FEWEST, FEWEST_OF_EACH, FEWEST_STROKES, TIE
@@ -231,19 +232,20 @@ def steady_gains(loop: SteadyLoop) -> AxisGains:
     uneven = np.isin(curve.names, curve.uneven)
     seen = [_slowest_even(speed[side], uneven[side]) for side in (curve.speed > 0, curve.speed < 0)]
     slowest, fastest = max(seen), float(speed.max())
-    unseen = [Unseen(why, np.inf) for why in loop.withheld]
+    unseen = [Unseen(Warned(why), np.inf) for why in loop.withheld]
     slipping = curve.slipping()
-    for some, what in ((uneven & ~slipping, "moved unevenly there"), (slipping, "stick and slip")):
+    uneven_only = uneven & ~slipping
+    for some, code in ((uneven_only, ClaimReason.UNEVEN), (slipping, ClaimReason.SLIPPING)):
         if some.any():
-            names = ", ".join(np.asarray(curve.names)[some])
-            unseen.append(Unseen(f"{names} {what}", float(speed[some].max())))
+            names = np.asarray(curve.names)[some].tolist()
+            unseen.append(Unseen(warned(code, runs=names), float(speed[some].max())))
     if curve.stuck:
-        unseen.append(Unseen(f"no steady motion in {', '.join(curve.stuck)}", 0.0))
+        unseen.append(Unseen(warned(ClaimReason.STUCK, runs=curve.stuck), 0.0))
     if len(loop.candidates) == 1 and int(loop.used.sum()) < FEWEST:
-        untold = f"{loop.used.sum()} runs do not tell whether friction falls at some speed"
+        untold = warned(ClaimReason.FEW_RUNS, runs=int(loop.used.sum()))
         unseen.append(Unseen(untold, np.inf))
     if not slowest < fastest:
-        unseen.append(Unseen("no two speeds of both directions moved evenly", np.inf))
+        unseen.append(Unseen(warned(ClaimReason.EVEN_APART), np.inf))
         slowest = float(speed.min())
     here = loop.used
     above = above_curve(
