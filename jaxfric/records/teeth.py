@@ -20,9 +20,9 @@ _BEFORE, _ODD = 1.5, 2.5
 """Largest duration in periods of the rise before the first tooth, and of the time from a drop to
 the next tip across an irregular tooth."""
 _LARGER, _CLEAR, _COVER = 1.5, 2.5, 0.8
-"""The least height of a turn is raised by the factor `_LARGER` again and again. Teeth with a drop
-below `_CLEAR` of the least turn are turns of noise. Of several heights the smallest counts at which
-the teeth last `_COVER` of the longest duration."""
+"""Teeth are searched between turns of growing height, each `_LARGER` times the one before. Teeth
+with a drop below `_CLEAR` times this height are noise. The smallest height counts at which the
+teeth last `_COVER` of the longest duration."""
 _NEAR = 0.2
 """Share of a rise or drop that counts as near its ends."""
 _BLURRED, _PASSED, _LEFT = 4.0, 25.0, 0.41
@@ -131,8 +131,10 @@ def _longest(time: np.ndarray, friction: np.ndarray, noise: float) -> list[Teeth
         rows = rows[turns(friction[rows], least)]  # large turns are among the small ones
         teeth = _stretches(time, friction, rows)
         found.append([one for one in teeth if one.drop > max(_CLEAR * least, visible)])
-        last = friction[(end := rows[-1] if len(rows) else 0) :]
-        rows = np.union1d(rows, [0, end + np.argmin(last), end + np.argmax(last)])
+        # the extremes after the last turn confirm a larger one
+        end = int(rows[-1]) if len(rows) else 0
+        rest = friction[end:]
+        rows = np.union1d(rows, [0, end + np.argmin(rest), end + np.argmax(rest)])
         least *= _LARGER
     lasts = np.array([_lasting(teeth) for teeth in found])
     return found[int(np.argmax(lasts >= _COVER * lasts.max()))]
