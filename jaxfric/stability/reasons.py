@@ -5,7 +5,7 @@ from enum import StrEnum
 
 
 class ClaimReason(StrEnum):
-    """Codes of the reasons of an open claim. Values are in SI, forces in the unit of the record."""
+    """Codes of the reasons of an open claim; values are in SI, or in the unit beside them."""
 
     UNKNOWN = "curve_unknown"
     """The error and the range of a friction curve are unknown."""
@@ -20,7 +20,7 @@ class ClaimReason(StrEnum):
     NEGATIVE = "b_negative"
     NO_DIRECT = "a_not_positive"
     SIGN = "sign_not_determined"
-    """Values: difference (A - B with its error, as text; "" if unknown)."""
+    """Values: difference (A - B with its error, as text)."""
     TREND = "sign_changes_with_trend"
     """Values: difference (A - B in the fit with a slip trend, as text)."""
     ONE_SPEED = "one_speed_each_way"
@@ -31,6 +31,7 @@ class ClaimReason(StrEnum):
     STOPPED = "stopped_on_its_way"
     """Values: number, direction, speed (the largest of these strokes), unit (of speed)."""
     STEADY_BELOW = "slower_strokes_ran_steadily"
+    """Strokes slower than those that stopped."""
     DWELLS = "stops_may_be_dwells"
     """Without a reference position, commanded dwells cannot be told from stops."""
     ROUNDED = "friction_rounded_where_it_turns"

@@ -88,19 +88,19 @@ def seen(
         cutoff = prepared.preparation.cutoff
         why = warned(ClaimReason.STAIRS, cutoff=cutoff, size=size, of=of[0], unit=of[1])
         unseen.append(Unseen(why, removed))
-    limits = []
+    limits, steady_below = [], False
     for one, own in zip(directions, ways, strict=True):
         stops, unsteady = _stops(rows, reference, one.sign)
         if len(stops):
             about = {"direction": one.direction, "speed": float(stops.max()), "unit": f"{unit}/s"}
-            why = [warned(ClaimReason.STOPPED, number=len(stops), **about)]
-            if unsteady < stops.max():
-                why.append(warned(ClaimReason.STEADY_BELOW))
-            unseen += [Unseen(text, unsteady) for text in why]
+            unseen.append(Unseen(warned(ClaimReason.STOPPED, number=len(stops), **about), unsteady))
+            steady_below |= unsteady < stops.max()
         limits.append(slowest_told(own, rows.width, unit, max(unsteady, removed), one.direction))
-    stopped = [one.speed for one in unseen if one.what.code is ClaimReason.STOPPED]
+    stopped = max((o.speed for o in unseen if o.what.code is ClaimReason.STOPPED), default=0.0)
+    if steady_below:
+        unseen.append(Unseen(warned(ClaimReason.STEADY_BELOW), stopped))
     if stopped and reference is None:
-        unseen.append(Unseen(warned(ClaimReason.DWELLS), max(stopped)))
+        unseen.append(Unseen(warned(ClaimReason.DWELLS), stopped))
     slowest, why = max(limits)
     if slowest >= fastest:
         unseen.append(Unseen(warned(ClaimReason.APART), np.inf))
