@@ -178,6 +178,10 @@ class WarningCode(StrEnum):
     """Values: store, error."""
     VERSIONS = "begun_with_other_versions"
     """Values: versions."""
+    TOO_SOFT = "stiffness_contradicts_the_rows"
+    """Values: stated and least stiffness, rise (of friction) and path as text, time [s]."""
+    TOO_STIFF = "rises_as_on_a_softer_spring"
+    """Values as of `TOO_SOFT`, and advice (the option that fits the stiffness)."""
     SHORT_STEP = "steps_too_short"
     """Values: slip, needed [m]."""
 

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError, option
+from ..findings import Warned, WarningCode, warned
 from ..records import VelocitySteps
 from ..units import format_si, read_as
 from .means import average
@@ -86,38 +87,30 @@ def _held(rise: np.ndarray) -> np.ndarray:
 def refuse_contradicted(loading: Loading | None, K: float, friction_unit: str) -> None:
     """Raise `InputError` for a stated stiffness far below the least that the rows allow."""
     if loading is not None and loading.stiffness > IMPOSSIBLE * K:
+        told = _told(loading, K, friction_unit)
         raise InputError(
-            f"stiffness is {_number(K, friction_unit)}, and the rows contradict it:"
-            f" {_seen(loading, friction_unit)}; {UNIT_RIGHT}"
+            "stiffness is {stated}, and the rows contradict it: after the step at {time:.4g} s"
+            " friction rises by {rise} within {path} of load-point motion, which takes {least} or"
+            " more".format(**told)
+            + f"; {UNIT_RIGHT}"
         )
 
 
-def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[str, ...]:
+def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[Warned, ...]:
     """Warn of a stiffness below the least possible stiffness, or far above the observed one."""
     if loading is None:
         return ()
+    told = _told(loading, K, friction_unit)
     if IMPOSSIBLE * loading.earlier < K:
-        return (
-            f"friction rises as on a spring of about {_number(loading.stiffness, friction_unit)},"
-            f" not of {_number(K, friction_unit)}: after the step at {loading.time:.4g} s by"
-            f" {_rise(loading, friction_unit)} within"
-            f" {_path(loading)} of load-point motion; is the unit of the"
-            f" stiffness right? {option('fit-stiffness')} finds the one of the record",
-        )
-    if not loading.stiffness > DOUBTFUL * K:
-        return ()
-    return (
-        f"the stiffness {_number(K, friction_unit)} contradicts the rows:"
-        f" {_seen(loading, friction_unit)}; with a softer one A, B and L are wrong",
-    )
+        return (warned(WarningCode.TOO_STIFF, **told, advice=option("fit-stiffness")),)
+    return (warned(WarningCode.TOO_SOFT, **told),) if loading.stiffness > DOUBTFUL * K else ()
 
 
-def _seen(loading: Loading, friction_unit: str) -> str:
-    return (
-        f"after the step at {loading.time:.4g} s friction rises by {_rise(loading, friction_unit)}"
-        f" within {_path(loading)} of load-point motion, which takes"
-        f" {_number(loading.stiffness, friction_unit)} or more"
-    )
+def _told(loading: Loading, K: float, friction_unit: str) -> dict[str, object]:
+    """The values of a warning."""
+    stated, least = (_number(one, friction_unit) for one in (K, loading.stiffness))
+    rise, path = _rise(loading, friction_unit), _path(loading)
+    return {"stated": stated, "least": least, "time": loading.time, "rise": rise, "path": path}
 
 
 def _path(loading: Loading) -> str:
