@@ -201,13 +201,16 @@ def test_friction_that_drives_is_not_possible(coulomb, viscous, possible):
         assert set(inverse_dynamics(one_way, np.asarray(z), np.arange(4)).loose) == {"F_c", "F_0"}
 
 
+RARE = {"share": 0.02, "direction": "backwards"}
+
+
 @pytest.mark.parametrize(
     ("width", "unseen", "slowest", "why"),
     [
-        (1e-5, 0.0, 0.02, (ClaimReason.RARE, {"share": 0.02, "direction": "backwards"})),
+        (1e-5, 0.0, 0.02, (ClaimReason.RARE, RARE)),
         (0.01, 0.0, 0.04, (ClaimReason.ROUNDED, {"speed": 0.02, "unit": "m/s"})),
-        (1e-5, 0.5, 0.51, (ClaimReason.RARE_ABOVE, {"share": 0.02, "above": 0.5})),
-        (0.2, 0.5, 0.8, (ClaimReason.ROUNDED, {"speed": 0.4})),
+        (1e-5, 0.5, 0.51, (ClaimReason.RARE_ABOVE, {**RARE, "above": 0.5, "unit": "m/s"})),
+        (0.2, 0.5, 0.8, (ClaimReason.ROUNDED, {"speed": 0.4, "unit": "m/s"})),
     ],
 )
 def test_slower_motion_is_left_out_for_the_reason_that_decides(width, unseen, slowest, why):

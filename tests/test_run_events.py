@@ -81,18 +81,23 @@ def test_an_odd_tooth_between_teeth_does_not_part_them():
     assert [t.drop for t in find_teeth(T, 0.6 + higher)] == pytest.approx([0.02, 0.1], rel=0.02)
 
 
+def irregular(random, t, period, scatter):
+    """Teeth of random durations: number, duration and phase of the tooth of every row."""
+    lasts = period * (1 + scatter * random.standard_normal(60))
+    tips = np.cumsum(lasts)
+    tooth = np.searchsorted(tips, t)
+    return tooth, lasts[tooth], (t - tips[tooth] + lasts[tooth]) / lasts[tooth]
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_teeth_are_not_the_slips_on_their_flanks(seed):
     """Drops of .062 every .164 s; on every third rise small slips of .009 every 15 ms, in which the
     load point loads as much: each of these flanks was told as stick-slip of its own."""
     random = np.random.default_rng(seed)
     t = np.arange(0, 6, 5e-4)
-    lasts = 0.164 * (1 + 0.1 * random.standard_normal(60))
-    tips = np.cumsum(lasts)
-    tooth = np.searchsorted(tips, t)
-    phase = (t - tips[tooth] + lasts[tooth]) / lasts[tooth]
-    rise = 0.062 * lasts[tooth] / 0.164 * np.where(phase < 0.06, 1 - phase / 0.06, phase - 0.06)
-    small = ((phase * lasts[tooth]) / 0.015) % 1.0
+    tooth, lasts, phase = irregular(random, t, 0.164, 0.1)
+    rise = 0.062 * lasts / 0.164 * np.where(phase < 0.06, 1 - phase / 0.06, phase - 0.06)
+    small = ((phase * lasts) / 0.015) % 1.0
     slips = 0.009 * np.where(small < 0.93, small / 0.93, (1 - small) / 0.07)
     flank = (phase > 0.3) & (phase < 0.95) & (tooth % 3 == 1)
     friction = 0.3 + rise + np.where(flank, slips - 0.0045, 0.0)
@@ -104,7 +109,7 @@ def test_teeth_are_not_the_slips_on_their_flanks(seed):
 
 
 def impulses(random, count, size):
-    """Outliers of a transducer: one to six neighbouring rows in a hundred, up and down."""
+    """Outliers of a transducer, up and down, one to three rows wide, one in a hundred rows."""
     out = np.zeros(count)
     for row in np.flatnonzero(random.random(count) < 0.01):
         out[row : row + random.integers(1, 4)] = size * random.standard_normal()
@@ -117,11 +122,8 @@ def test_teeth_are_not_the_outliers_on_their_flanks(seed):
     told as hundreds of teeth of .006 every .025 s."""
     random = np.random.default_rng(seed)
     t = np.arange(0, 40, 5e-4)
-    lasts = 1.6 * (1 + 0.2 * random.standard_normal(40))
-    tips = np.cumsum(lasts)
-    tooth = np.searchsorted(tips, t)
-    phase = (t - tips[tooth] + lasts[tooth]) / lasts[tooth]
-    rise = 0.025 * lasts[tooth] * np.where(phase < 0.02, 1 - phase / 0.02, phase - 0.02)
+    _, lasts, phase = irregular(random, t, 1.6, 0.2)
+    rise = 0.025 * lasts * np.where(phase < 0.02, 1 - phase / 0.02, phase - 0.02)
     friction = 0.3 + rise + 5e-4 * random.standard_normal(len(t)) + impulses(random, len(t), 0.01)
     found = find_teeth(t, np.round(friction / 6e-4) * 6e-4)
     assert sum(one.stop - one.start for one in found) > 30

@@ -154,7 +154,8 @@ def _rises(record: Record, event: Event) -> Rises:
         nothing, why = np.zeros((0, len(EDGES) - 1)), warned(code, **values)
         return Rises(event.time, event.stop, velocity, about, nothing, none, none, none, why=why)
 
-    found, seen, friction = _teeth(time, friction)
+    teeth, seen, friction = sawtooth(time, friction)
+    found = _teeth(seen, float(np.median([one.drop for one in teeth]))) if teeth else []
     if len(found) < _FEWEST:
         return without(RunReason.FEW_TEETH, teeth=len(found), first=_FIRST, needed=_FEWEST)
     if np.median([tooth.tip - tooth.foot for tooth in found]) < _ROWS:
@@ -191,23 +192,18 @@ def _rises(record: Record, event: Event) -> Rises:
     )
 
 
-def _teeth(time: np.ndarray, friction: np.ndarray) -> tuple[list[_Tooth], np.ndarray, np.ndarray]:
-    """Return the teeth without the first `_FIRST`, the friction in which they are found, and the
-    friction without outliers."""
-    teeth, seen, friction = sawtooth(time, friction)
-    if not teeth:
-        return [], seen, friction
-    least = _TURN * float(np.median([one.drop for one in teeth]))
-    rows = from_foot(seen, turns(seen, least))
+def _teeth(seen: np.ndarray, drop: float) -> list[_Tooth]:
+    """Return the teeth without the first `_FIRST`, between turns of the friction in which teeth of
+    a usual `drop` were found."""
+    rows = from_foot(seen, turns(seen, _TURN * drop))
     turned = [
         (int(start), int(high), int(low), _edges(seen, high, low))
         for start, high, low in zip(rows[0::2], rows[1::2], rows[2::2], strict=False)
     ]
-    found = [
+    return [
         _Tooth(start, high, low, before, foot, tip)
         for (start, high, low, (before, foot)), (*_, (tip, _)) in pairwise(turned[_FIRST - 1 :])
     ]
-    return found, seen, friction
 
 
 def _drop(
