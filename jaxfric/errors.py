@@ -81,16 +81,16 @@ def either(command: str, python: str) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str], *, listed: bool = True) -> str:
-    """End of a message about an unknown `name`: the most similar known name, if there is one, and
-    (unless `listed` is False) all known names.
+    """End of a message about an unknown `name`: the most similar known name, if there is one (the
+    first of equals), and (unless `listed` is False) all known names.
 
     >>> did_you_mean("frictoin", ["time", "friction"])
     "; did you mean 'friction'? There are: time, friction"
     """
-    names = list(known)
-    by_key = {folded(one): one for one in names}
-    close = difflib.get_close_matches(folded(name), by_key, n=1, cutoff=_LIKE)
-    hint = f"; did you mean '{by_key[close[0]]}'?" if close else ""
+    names, asked = list(known), folded(name)
+    alike = [difflib.SequenceMatcher(None, folded(one), asked).ratio() for one in names]
+    likest = max(alike, default=0.0)
+    hint = f"; did you mean '{names[alike.index(likest)]}'?" if likest >= _LIKE else ""
     if not listed:
         return hint
     return hint + (" There are: " if hint else "; there are: ") + ", ".join(names)

@@ -76,6 +76,8 @@ def test_the_name_that_was_meant() -> None:
     assert did_you_mean("Load-Point Displ", known, listed=False) == (
         "; did you mean 'load_point_displacement'?"
     )
+    joints = ["a1 position", "a2 position", "c2 position"]
+    assert did_you_mean("position", joints, listed=False) == "; did you mean 'a1 position'?"
     assert did_you_mean("KP", known, listed=False) == "; did you mean 'k_p'?"
     assert did_you_mean("%", known) == f"; t{end[1:]}"
     assert did_you_mean("voltage", known, listed=False) == "" == did_you_mean("x", [], listed=False)
