@@ -164,7 +164,7 @@ def test_the_stiffness_that_is_taken_from_ramps_is_that_of_the_report(tmp_path, 
     values = []
     for k, how in enumerate((("--stiffness", "ramps"), ("--stiffness", "4e-3/um"))):
         code, _, err = run("run", "two.csv", *how, "--out", f"o{k}")
-        assert code == 0, err
+        assert code == 1, err  # its two steps are noise: no fit converges
         known = json.loads((tmp_path / f"o{k}" / "run.json").read_text())
         values.append(known["stiffness_from_ramps"]["value"])
         if k == 0:
@@ -434,7 +434,8 @@ def test_a_run_of_stick_slip_alone_has_its_tables(tmp_path, monkeypatch):
     record = tmp_path / "saw.csv"
     at_one_velocity(record, t, friction)
     done = run("run", record, "--out", tmp_path / "out")  # which asks for no stiffness
-    assert done.code == 0, done.err
+    assert done.code == 1, done.err  # no law's fit converged; drop and period are measured
+    assert done.err.splitlines()[-1].startswith("jaxfric: error: no fit of this run converged")
     assert "no velocity step is fitted" in done.out and "teeth, drop 0.029" in done.out
     assert "nothing is claimed, the fit did not converge" in done.out
     made = {file.name for file in (tmp_path / "out").iterdir()}

@@ -10,7 +10,7 @@ import jaxfric
 from ..errors import InputError
 from . import options
 from .call import current_call
-from .common import prepare_jax
+from .common import prepare_jax, warn
 from .folder import Folder, choose_folder
 from .plan_line import run_line
 from .told import doing
@@ -27,6 +27,11 @@ _ROWS = 4000
 """Rows of a window above which means over neighbouring rows are fitted."""
 _ALONE = ("stick_slip", "glitch")
 """Events of which nothing is asked that needs a stiffness."""
+_NOT_CONVERGED = (
+    "no fit of this run converged: only what is measured without a fit is told. Look at"
+    " {folder}/events.png: are the events right, is the stiffness? Change {folder}/events.toml and"
+    " give it with --events"
+)
 _NO_STIFFNESS = (
     "--stiffness is missing; give that of machine and specimen, as in --stiffness 1.6e-3/um, or let"
     " every step find its own (--fit-stiffness)"
@@ -56,7 +61,7 @@ def run(
     """
     from ..fitting.stiffness import MachineStiffness
     from ..report.run import files_of, page, report
-    from ..runs.findings import content, findings_of
+    from ..runs.findings import content, converged, findings_of
     from ..runs.fits import HowFitted, decided_events
     from ..runs.ramps import RAMPS, stiffness_from_ramps
 
@@ -87,7 +92,11 @@ def run(
         ".png",
         lambda drawn: page(told_of, result, others, drawn, command=call.command),
     )
-    return folder.end()
+    code = folder.end()
+    if converged(result, others):
+        return code
+    warn([_NOT_CONVERGED.format(folder=folder.path)], "error")
+    return 1
 
 
 def _fitted(

@@ -103,6 +103,16 @@ def findings_of(
     )
 
 
+def converged(run: RunFit, others: Findings) -> bool:
+    """Return whether any fit of a run converged; True if nothing was fitted. A step of the normal
+    stress is only fitted beside velocity steps whose fits converged."""
+    teeth = () if others.stick_slip is None else others.stick_slip.fits.values()
+    fits = (*(step.fit for step in run.steps), *teeth)
+    ends = [fit is not None and fit.converged for fit in fits]
+    ends += [bool(hold.fits) for hold in others.holds if not hold.missing]
+    return any(ends) or not ends
+
+
 def content(run: RunFit, others: Findings) -> dict[str, object]:
     """Return the content of run.json, in SI units."""
     origin, shared = run.record.provenance, share(run.steps)
