@@ -17,7 +17,7 @@ from jaxfric.fitting.axis_problem import make_problem
 from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.loop.axis.reading import read_rows
 from jaxfric.loop.axis.result import AxisDetails
-from jaxfric.loop.axis.seen import _stairs, doubts, held_command, slowest_told
+from jaxfric.loop.axis.seen import _stairs, contradicted, doubts, held_command, slowest_told
 from jaxfric.records import axis_from_arrays
 from jaxfric.rig.axis import BaseLaw
 from jaxfric.stability.reasons import ClaimReason
@@ -80,6 +80,37 @@ def test_a_fit_that_explains_little_or_drives_is_doubted():
     assert told(1.0, 0.4, ("stribeck",), (0.100, 0.105)) == told(1.0, 0.4, (), (0.2, 0.3)) == []
     assert told(1.0, 0.6) == ["the model leaves 60 % of the force unexplained"]
     assert len(told(-1.0, 0.4)) == 1 and "would drive the axis" in told(-1.0, 0.4)[0]
+
+
+def test_a_rival_with_a_slope_of_the_other_sign_is_told():
+    """F = F_v v + c v^3 sgn v, falls where F_v + 3 c v^2 < 0."""
+    laws = {
+        "final": (10.0, (0.05, -1.4e-3)),
+        "rate_and_state": (9.0, (0.05, 0.0)),
+        "stribeck": (11.9, (0.04, 0.0)),
+        "sensor_lag": (12.0, (0.03, -1.5e-3)),
+    }
+    fits = {
+        name: SimpleNamespace(
+            effects=(name,), bic=bic, z=np.array(law), physical=True, failed=False, rejection=None
+        )
+        for name, (bic, law) in laws.items()
+    }
+
+    def rig(z):
+        return SimpleNamespace(steady_friction=lambda position, v: z[0] * v + z[1] * v**3)
+
+    engine: Any = SimpleNamespace(problem=SimpleNamespace(rig=rig))
+
+    def told(final, fastest):
+        search: Any = SimpleNamespace(final=fits[final], tried=list(fits.values()))
+        (why,) = contradicted(engine, search, (1.0, fastest), 0.0) or (None,)
+        return why and (why.code, why.values)
+
+    other = (ClaimReason.RIVAL, {"effects": "rate_and_state"})
+    assert told("final", 5.0) == other  # it falls above 3.45, the best fit nowhere
+    assert told("final", 3.4) is None  # neither falls yet, and sensor_lag is 3 of BIC away
+    assert told("stribeck", 5.0) is not None and told("stribeck", 2.0) is None
 
 
 STIFF, SOFT = (4e4, 800.0), (1e4, 20.0)
@@ -149,6 +180,12 @@ def test_a_commanded_dwell_is_no_stop(moves):
 
 def test_a_model_that_misfits_has_larger_errors_of_its_slope():
     servo(APPROACH, STIFF, falls=6.0)
+
+
+def test_speeds_of_few_rows_support_no_slope():
+    dashes = there_and_back((0.8, 0.02), times=1)
+    curve, _ = servo([*STEADY, *STEADY, *dashes], STIFF)
+    assert 0.19 < curve.fastest < 0.25
 
 
 def test_stops_without_a_reference_may_be_dwells():

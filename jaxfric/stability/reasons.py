@@ -46,6 +46,8 @@ class ClaimReason(StrEnum):
     """Values: share of the force."""
     WORSE = "unfitted_rows_worse"
     """Rows that were never fitted are predicted worse with the effects; values: effects, share."""
+    RIVAL = "slope_of_a_rival_model"
+    """A model that fits as well has a slope of the other sign; values: effects (of that model)."""
     MISSES = "test_block_missed"
     """Values: missed, friction, unit."""
     UNEVEN = "moved_unevenly"

@@ -19,14 +19,16 @@ from ...findings import Warned, warned
 from ...fitting.axis_preparation import Prepared
 from ...fitting.axis_problem import SLOWEST, AxisProblem
 from ...fitting.uncertainty import normal_inverse
+from ...gains.thresholds import SLOPES
 from ...records.axis_record import AxisRecord
+from ...records.rows import MIN_ROWS
 from ...records.steady_mean import effective_samples
 from ...stability.claims import Above, Unseen, above_curve
 from ...stability.reasons import ClaimReason
 from ..engine import Engine
 from ..family import listed
 from ..refit import Candidate
-from ..search import Search
+from ..search import Search, near_fits
 from ..thresholds import (
     ANEW,
     BEGUN,
@@ -42,6 +44,7 @@ from ..thresholds import (
     SIDE,
     STAIRS,
     STEPS,
+    TIE,
     UNEXPLAINED,
 )
 from .driven import Driven, at_one_speed
@@ -78,7 +81,7 @@ def seen(
         reference = np.interp(rows.time, record.relative_time, reference)
     speed = np.abs(rows.velocity[rows.used])
     ways = [speed[np.sign(rows.velocity[rows.used]) == one.sign] for one in directions]
-    fastest = min(float(own.max()) for own in ways)
+    fastest = min(fastest_told(own) for own in ways)
     unseen = []
     if at_one_speed(directions):
         unseen.append(Unseen(warned(ClaimReason.ONE_SPEED), np.inf))
@@ -107,8 +110,18 @@ def seen(
         slowest, fastest = (float(np.quantile(speed, SLOWEST)), float(speed.max()))
     unseen = [Unseen(why, np.nextafter(slowest, 0.0)), *unseen]
     unseen += [Unseen(why, np.inf) for why in doubts(engine, search, rows, withheld)]
-    error = slope_error(engine, found, float(np.median(rows.position)))
+    place = float(np.median(rows.position))
+    against = contradicted(engine, search, (slowest, fastest), place)
+    unseen += [Unseen(why, np.inf) for why in against]
+    error = slope_error(engine, found, place)
     return Seen(slowest, fastest, error, _above(engine, found, rows), tuple(unseen))
+
+
+def fastest_told(speed: np.ndarray) -> float:
+    """The highest speed at which the slope of friction is supported: of the used rows of one
+    direction, 2 %, or 20 rows, are as fast."""
+    fast = min(MIN_ROWS, 1 + int(SLOWEST * len(speed)))
+    return float(np.sort(speed)[-fast])
 
 
 def slowest_told(
@@ -253,6 +266,28 @@ def slope_error(
         return float(np.sqrt(max(g @ spread @ g, 0.0)))
 
     return error
+
+
+def contradicted(
+    engine: Engine[AxisProblem], search: Search, speeds: tuple[float, float], position: float
+) -> list[Warned]:
+    """The reason against a slope dF/dv whose sign is another in a fit that is as good, if any.
+
+    As good are the fits within `TIE` of the lowest BIC. Their sign is that of the least slope of
+    steady friction over `speeds`, from slowest to fastest, in both directions.
+    """
+    speed = np.geomspace(*speeds, SLOPES)
+
+    def falls(z: np.ndarray) -> bool:
+        rig = engine.problem.rig(jnp.asarray(z))
+        forces = ((v, rig.steady_friction(position, jnp.asarray(v))) for v in (speed, -speed))
+        return any(np.gradient(np.asarray(force), v).min() < 0 for v, force in forces)
+
+    found, rivals = search.final, near_fits(search)
+    best = min(one.bic for one in (found, *rivals))
+    likely, own = [one for one in rivals if one.bic < best + TIE], falls(found.z)
+    others = [one for one in likely if falls(one.z) is not own]
+    return [warned(ClaimReason.RIVAL, effects=listed(one.effects)) for one in others[:1]]
 
 
 def _above(engine: Engine[AxisProblem], found: Candidate, rows: AxisRows) -> Above | None:
