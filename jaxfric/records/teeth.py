@@ -16,6 +16,9 @@ _TEETH, _ALIKE, _STEEP, _LESS_STEEP = 4, 4.0, 0.34, 0.42
 """Stick-slip has at least `_TEETH` teeth. Their drops and periods agree within the factor `_ALIKE`.
 A drop takes at most `_STEEP` of the time of the rise before it (`_LESS_STEEP` after the first
 tooth), or one row."""
+_UPWARDS, _JUMP = 0.4, 0.5
+"""Number of steep rises over that of steep drops, of at least the share `_JUMP` of a tooth's drop,
+above which the teeth are noise that jumps and decays."""
 _BEFORE, _ODD = 1.5, 2.5
 """Largest duration in periods of the rise before the first tooth, and of the time from a drop to
 the next tip across an irregular tooth."""
@@ -96,9 +99,9 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
 
     A tooth is a rise and a drop of similar height; the drop is at least three times as fast as the
     rise (after the first tooth more than twice). Correlated noise, unlike a tooth, falls as fast as
-    it rises. Outliers and small slips on the flank of a tooth are no teeth: they do not last, and
-    a running median removes outliers. So long teeth are searched in the running median over nine
-    rows.
+    it rises, and noise that jumps and decays jumps upwards as often. Outliers and small slips on
+    the flank of a tooth are no teeth: they do not last, and a running median removes outliers. So
+    long teeth are searched in the running median over nine rows.
     """
     return sawtooth(time, friction).teeth
 
@@ -173,7 +176,10 @@ def _stretches(time: np.ndarray, friction: np.ndarray, rows: np.ndarray) -> list
             stop = min(float(time[ends[k - 1]]), last + _LESS_STEEP * period)
             out.append(Teeth(start, tip, stop, usual_drop, period))
         first = k if k < number and steep[k] else k + 1
-    return _joined(out)
+    *_, rise, upwards = _measured(time, -friction, rows)
+    falls, rises = drop[steep], rise[upwards <= _STEEP]
+    large = [[(size > _JUMP * one.drop).sum() for size in (falls, rises)] for one in out]
+    return _joined([one for one, (a, b) in zip(out, large, strict=True) if b <= _UPWARDS * a])
 
 
 def _joined(stretches: list[Teeth]) -> list[Teeth]:
