@@ -29,7 +29,7 @@ from rich.console import Console
 
 import jaxfric
 from jaxfric.cli.app import app
-from jaxfric.cli.loop import tell_loop
+from jaxfric.cli.loop import end_loop
 from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE, RunChange, separators
 from jaxfric.effects.effect import made
 from jaxfric.findings import Finding, Severity
@@ -1105,12 +1105,23 @@ def test_a_refit_tells_effects_that_look_alike(snapshot):
     snapshot("alike", texts)
 
 
+ENDING = ("save_json", "answer", "draw_figure", "draw_page")
+"""The numbers are on disk and told before figures are drawn."""
+
+
 @pytest.mark.parametrize(("severity", "code"), [(Severity.WITHHELD, 1), (Severity.CAUTION, 0)])
 def test_a_verdict_that_is_withheld_is_no_result_to_rely_on(severity, code, capsys) -> None:
     loop = make_loop("ambiguous")
     why = Finding(LoopCode.EDGE, severity, {"ratio": 1.02}, loop.blocks.train)
-    folder: Any = SimpleNamespace(finish=lambda *_: 0, path=Path("out"), files=["loop.json"])
-    assert tell_loop(dataclasses.replace(loop, findings=(why,)), folder) == code
+    done = []
+    folder: Any = SimpleNamespace(
+        **{name: lambda *_, name=name: done.append(name) for name in ENDING},
+        end=lambda *_: 0,
+        path=Path("out"),
+        files=["loop.json"],
+    )
+    assert end_loop(dataclasses.replace(loop, findings=(why,)), folder) == code
+    assert tuple(dict.fromkeys(done)) == ENDING
 
 
 def test_an_effect_is_told_from_all_others_only_where_noise_is_left() -> None:

@@ -10,7 +10,7 @@ from ..units import parse_quantity
 from . import options
 from .common import prepare_jax, refuse_unused, warn
 from .folder import choose_folder, input_name
-from .loop import save_loop, tell_loop
+from .loop import end_loop
 from .told import doing
 
 
@@ -75,8 +75,7 @@ def axis(
         preparation=preparation,
         progress=doing,
     )
-    save_loop(result, folder)
-    return tell_loop(result, folder)
+    return end_loop(result, folder)
 
 
 def _close_steady(

@@ -255,11 +255,11 @@ class Folder:
         show(report, "", self.content, self.output)
         sys.stdout.flush()
 
-    def end(self) -> int:
+    def end(self, written: str | None = None) -> int:
         """Print the written files after `answer`; return the exit code of the verb."""
         pause()
         if not self.output.json:
-            print(f"\n{self.written}")
+            print(f"\n{self.written if written is None else written}")
         return self.close()
 
     def close(self) -> int:

@@ -73,33 +73,28 @@ def loop(
         max_effects=effects.max_effects,
         progress=doing,
     )
-    save_loop(result, folder)
-    return tell_loop(result, folder)
+    return end_loop(result, folder)
 
 
-def save_loop(result: "jaxfric.Loop", folder: Folder) -> None:
-    """Write loop.json, the figures and the page.
+def end_loop(result: "jaxfric.Loop", folder: Folder) -> int:
+    """Write loop.json, print the answer, draw the figures, write the page, and return the exit
+    code: 1 if the verdict is withheld.
 
     The page loop.html shows the figures that could be drawn.
     """
+    from ..findings import Severity  # only here: the command begins without NumPy
     from ..plot.loop import FIGURES
     from ..report.loop_page import page
+    from ..report.loop_report import report
 
     folder.save_json("loop.json", result.to_json())
+    folder.answer(report(result, file=str(folder.path / "loop.json")))
     for name, figure in FIGURES.items():
         folder.draw_figure(name, lambda figure=figure: figure(result))
     command = current_call().command
     folder.draw_page("loop.html", ".svg", lambda drawn: page(result, drawn, command=command))
-
-
-def tell_loop(result: "jaxfric.Loop", folder: Folder) -> int:
-    """Print the answer and return the exit code: 1 if the verdict is withheld."""
-    from ..findings import Severity  # only here: the command begins without NumPy
-    from ..report.loop_report import report
-
-    told_of = report(result, file=str(folder.path / "loop.json"))
     withheld = any(one.severity is Severity.WITHHELD for one in result.findings)
-    return folder.finish(told_of, _written(folder)) or int(withheld)
+    return folder.end(_written(folder)) or int(withheld)
 
 
 def _written(folder: Folder) -> str:
