@@ -185,8 +185,8 @@ def refuse_reversed(rough: Rough, work: float, path: str, force_unit: str, mass_
         )
     raise InputError(
         f"{path}: by least squares the axis has {friction}, so that friction would drive it: is the"
-        f" sign of the force reversed ({option('flip-sign', 'force')})? Are force and position of"
-        " the same axis and the same time?"
+        f" sign of the force reversed ({option('flip-sign', 'force')}), or was only its size"
+        " recorded? Are force and position of the same axis and the same time?"
     )
 
 
