@@ -29,17 +29,35 @@ class Severity(StrEnum):
     """The reason why no claim is made."""
 
 
+class Clause(StrEnum):
+    """Clauses of warnings, which are values of these warnings; `report.words` has their words."""
+
+    EFFECT = "effect_lacks"
+    """The model lacks an effect."""
+    DRIFTS = "friction_drifts"
+    STIFFNESS = "stiffness_differs"
+    SPRING_FORCE = "spring_force"
+    """The recorded friction is the force of the spring."""
+    DRIFT = "drift"
+    WRONG_STEP = "wrong_step"
+    AS_EVOLUTION = "drift_as_evolution"
+    """A fit may mistake a drift for evolution of the state."""
+
+
 class WarningCode(StrEnum):
     """Codes of warnings. The text of a warning may change, its code stays."""
 
     MISFIT = "misfit"
     """A fit leaves far more than the scatter of neighbouring rows; values: times, of each fit, and
-    mass: whether one is stated, so that friction should be the force at the interface."""
+    causes (`Clause`)."""
     MISSED = "part_of_the_record_missed"
-    """A fit of a run's step misses a part of its record by more than noise."""
+    """A fit of a run's step misses a part of its record by more than noise; values: off [friction],
+    sigmas, away [s], side ("before" or "after" the velocity step), causes (`Clause`)."""
     DRIFT = "drift_before_the_step"
-    """Friction drifts before a velocity step as the model does not; values: slope, error, shift,
-    trend (that was fitted, or None)."""
+    """Friction drifts before a velocity step as the model does not; values: slope, error [per m],
+    unit, shift (of A-B), advice (the option that fits a slip trend)."""
+    DRIFT_LEFT = "drift_beside_the_trend"
+    """The same beside a fitted slip trend; values: slope, error, trend [per m], unit."""
     TREND = "trend_with_slip"
     """The model lacks a trend with slip; values: with_trend (A-B with it, and its error), told and
     without (A-B with and without it as text)."""
@@ -50,7 +68,7 @@ class WarningCode(StrEnum):
     """A of a fit without a slip trend changes friction by less than the noise; values: A, change,
     noise, advice."""
     WANDERS = "residual_wanders"
-    """The residual wanders over the whole record."""
+    """The residual wanders over the whole record; values: causes (`Clause`)."""
     CONTRADICTED = "steps_contradict_the_motion"
     """The velocity that is stated for a step is not that of the recorded load point; values: time,
     stated, moved."""

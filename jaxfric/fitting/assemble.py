@@ -6,8 +6,7 @@ from collections.abc import Callable
 import jax
 import numpy as np
 
-from ..errors import option
-from ..findings import Warned, WarningCode, warned
+from ..findings import Clause, WarningCode, warned
 from ..records import Record, VelocitySteps
 from ..records.rows import MIN_ROWS
 from .drift import drift_warning, runaway_warning
@@ -207,12 +206,8 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
     if open_:
         said += [warned(WarningCode.UNDETERMINED, parameters=open_), *runaway_warning(fit)]
     if wanders:
-        drift = "" if fit.model.slip_trend else f" a drift ({option('slip-trend')}),"
-        text = (
-            "the residual wanders over the whole record: the errors count that as noise, but it may"
-            f" be{drift} a wrong step, or an effect that the model lacks (jaxfric loop)"
-        )
-        said.append(Warned(text, WarningCode.WANDERS))
+        causes = [*([] if fit.model.slip_trend else [Clause.DRIFT]), Clause.WRONG_STEP]
+        said.append(warned(WarningCode.WANDERS, causes=causes))
     for k, sigmas in moved:
         said.append(warned(WarningCode.MOVED_STEP, step=k, sigmas=sigmas))
     said += [

@@ -13,14 +13,13 @@ noise, 240 of white and 1/f noise) none has p below 0.001, and 13 have p below 0
 """
 
 import math
-import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import option
-from ..findings import Warned, WarningCode, warned
+from ..findings import WarningCode, warned
 from ..records.differences import noise_from_differences
 from ..units import measured, read_as
 from .result import Fit, difference
@@ -109,9 +108,14 @@ def drift_warning(fit: Fit) -> tuple[str, ...]:
     found = told_drift(fit)
     if found is None:
         return _trend_warning(fit)
-    trend = fit.parameters["slip_trend"].value if fit.model.slip_trend else None
-    values = {"slope": found.slope, "error": found.error, "shift": found.shift, "trend": trend}
-    return (of_drift(values | {"unit": fit.record.friction_unit}, option("slip-trend")),)
+    unit = fit.record.friction_unit
+    about = {"error": found.error, "unit": "" if unit == "1" else f" {read_as(unit)}"}
+    if fit.model.slip_trend:
+        trend = fit.parameters["slip_trend"].value
+        values = about | {"slope": trend + found.slope, "trend": trend}
+        return (warned(WarningCode.DRIFT_LEFT, **values),)
+    values = about | {"slope": found.slope, "shift": found.shift}
+    return (warned(WarningCode.DRIFT, **values, advice=option("slip-trend")),)
 
 
 def runaway_warning(fit: Fit) -> tuple[str, ...]:
@@ -141,25 +145,3 @@ def _trend_warning(fit: Fit) -> tuple[str, ...]:
         return ()
     told, without = measured(*fit.with_trend), measured(*difference(fit))
     return (warned(WarningCode.TREND, told=told, without=without, with_trend=fit.with_trend),)
-
-
-def of_drift(values: Mapping[str, typing.Any], asking: str) -> Warned:
-    """The warning about a drift. `values` are slope and error of the drift, the shift of A - B, and
-    the fitted slip trend (None: not fitted), in the unit of friction and per m. `asking` is the
-    option that fits a slip trend.
-    """
-    unit = "" if values["unit"] == "1" else f" {read_as(values['unit'])}"
-    slope, trend = values["slope"], values["trend"]
-    error = f"± {1e-3 * values['error']:.1g}{unit} per mm"
-    if trend is not None:
-        text = (
-            f"{1e-3 * (trend + slope):+.2g} {error}, not by the {1e-3 * trend:+.2g} of the fitted"
-            " slip trend: that took up something else, and A-B with it"
-        )
-    else:
-        text = (
-            f"{1e-3 * slope:+.2g} {error}, where the model is steady; if it goes on, A-B is"
-            f" off by up to {values['shift']:.2g} ({asking})"
-        )
-    text = f"before the velocity step friction changes by {text}"
-    return Warned(text, WarningCode.DRIFT, values)

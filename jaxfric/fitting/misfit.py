@@ -1,7 +1,6 @@
 """The residual of a fit compared with the scatter of neighbouring rows."""
 
-from ..errors import option
-from ..findings import Warned, WarningCode
+from ..findings import Clause, WarningCode, warned
 from ..records.differences import noise_from_differences
 from .result import Fit
 from .thresholds import EXCESS
@@ -30,14 +29,8 @@ def misfit_warning(fit: Fit) -> tuple[str, ...]:
     """
     if not fit.converged or not (times := excess(fit)) >= EXCESS:
         return ()
-    model = fit.model
-    drift = "" if model.slip_trend else f" friction drifts with slip ({option('slip-trend')}),"
-    other = "" if model.fit_stiffness else f" the stiffness is another ({option('fit-stiffness')}),"
-    heavy = "m" in fit.parameters
-    force = " friction is the spring force, not the force at the interface," if heavy else ""
-    text = (
-        f"the fit leaves {times:.2g} times the scatter of neighbouring rows: the model lacks an"
-        f" effect,{drift}{other}{force} or the noise is correlated over many rows;"
-        " jaxfric loop asks which"
-    )
-    return (Warned(text, WarningCode.MISFIT, {"times": [times], "mass": heavy}),)
+    model, causes = fit.model, [Clause.EFFECT]
+    causes += [] if model.slip_trend else [Clause.DRIFTS]
+    causes += [] if model.fit_stiffness else [Clause.STIFFNESS]
+    causes += [Clause.SPRING_FORCE] if "m" in fit.parameters else []
+    return (warned(WarningCode.MISFIT, times=[times], causes=causes),)

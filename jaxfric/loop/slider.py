@@ -11,7 +11,6 @@ from ..effects import AbstractEffect, RecordScales
 from ..errors import InputError, option
 from ..findings import Warned, WarningCode, is_of, warned
 from ..fitting import Fit
-from ..fitting.drift import of_drift
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.padding import filled
 from ..fitting.problem import Channel, Model, Problem
@@ -28,7 +27,7 @@ from .sampling import seen_between
 from .split import Blocks
 from .thresholds import FELT
 
-_OF_DRIFTS = (WarningCode.LONG, WarningCode.VANISHED)
+_RUNAWAY = (WarningCode.LONG, WarningCode.VANISHED)
 
 
 def slider_subject(
@@ -148,7 +147,7 @@ def refuse_failed(record: Record, base: Fit) -> None:
     """Raises `InputError` for a base fit that did not converge, with its warning about a drift."""
     if base.converged:
         return
-    drifts = [text for text in repeated(base.warnings) if any(is_of(text, c) for c in _OF_DRIFTS)]
+    drifts = [text for text in repeated(base.warnings) if any(is_of(text, c) for c in _RUNAWAY)]
     own = option("include", "slip_trend")
     more = "" if base.model.slip_trend else f", or include a trend of friction with slip ({own})"
     advice = drifts[0] if drifts else f"Check stiffness and steps{more}"
@@ -230,10 +229,6 @@ def repeated(warnings: Sequence[str]) -> list[str]:
 
 def _with_option(text: str, own: str) -> str:
     """A warning of a fit about a drift with slip, which names the option `own` of the loop."""
-    if not isinstance(text, Warned):
-        return text
-    if text.code is WarningCode.DRIFT:
-        return of_drift(text.values, own)
-    if text.code in _OF_DRIFTS:
+    if isinstance(text, Warned) and text.code is not None and "advice" in text.values:
         return warned(text.code, **{**text.values, "advice": own})
     return text

@@ -21,16 +21,16 @@ from .tables import TextTable
 
 _MARKS = {
     r"\dagger": (
-        WarningCode.MISFIT,
+        (WarningCode.MISFIT,),
         f"leaves {EXCESS:g} times the scatter of neighbouring rows or more",
     ),
     r"\ddagger": (
-        WarningCode.DRIFT,
+        (WarningCode.DRIFT, WarningCode.DRIFT_LEFT),
         "friction drifts before the step as the fit does not: $a-b$ may be off by more than its"
         " error",
     ),
 }
-"""Marks in LaTeX: the warning of a fit that has one, and what it means."""
+"""Marks in LaTeX: the warnings of a fit that has one, and what it means."""
 
 
 class TabledFit(NamedTuple):
@@ -165,7 +165,11 @@ def cell_text(value: Cell) -> str:
 def _marks(one: TabledFit) -> list[str]:
     """Marks of a fit whose errors are not those of the law."""
     told = () if one.fit is None else one.fit.warnings
-    return [mark for mark, (code, _) in _MARKS.items() if any(is_of(text, code) for text in told)]
+    return [
+        mark
+        for mark, (codes, _) in _MARKS.items()
+        if any(is_of(text, code) for text in told for code in codes)
+    ]
 
 
 def short_names(fits: Sequence[TabledFit]) -> list[str]:

@@ -11,6 +11,7 @@ from typing import Protocol
 
 from ..effects import RunChange
 from ..errors import option
+from ..findings import Clause
 from ..units import prefixed
 
 _FILE = Path(__file__).with_name("words.toml")
@@ -18,16 +19,19 @@ _WORDS: dict[str, dict[str, str]] = tomllib.loads(_FILE.read_text(encoding="utf-
 WARNINGS, REASONS = _WORDS.pop("warning"), _WORDS.pop("reason")
 """Templates of warnings by `findings.WarningCode`, and of reasons (`runs.reasons`) and notes
 (`prediction.NoteCode`) by their codes."""
+CLAUSES = _WORDS.pop("clause")
+"""Clauses of a sentence, by `findings.Clause`."""
 VARIABLE, CHANGES = _WORDS.pop("variable"), _WORDS.pop("change")
 """Names of variables of a profile or structures of a test, and of changes of a run."""
 TEMPLATES = {f"{table}.{code}": text for table, own in _WORDS.items() for code, text in own.items()}
 """Every other template by its code, "TABLE.CODE"."""
-_SIZES = {"u": 1e6, "m": 1e3, "M": 1e-6, "T": 1e-12, "%": 100.0}
+_SIZES = {"u": 1e6, "m": 1e3, "k": 1e-3, "M": 1e-6, "T": 1e-12, "%": 100.0}
 
 
 class _Filler(string.Formatter):
     """Fills a template: "{option[draws]}" is an option of the command, or an argument of Python.
-    Each value of a list is written in turn. "{:u.3g}" writes a value in micro-units (`_SIZES`)."""
+    Each value of a list is written in turn. "{:u.3g}" writes a value in micro-units (`_SIZES`). A
+    `Clause` is written in its words."""
 
     def get_field(self, field_name, args, kwargs):
         if field_name.startswith("option["):
@@ -35,6 +39,8 @@ class _Filler(string.Formatter):
         return super().get_field(field_name, args, kwargs)
 
     def format_field(self, value, format_spec):
+        if isinstance(value, Clause):
+            return self.vformat(CLAUSES[value], (), {})
         if isinstance(value, list | tuple):
             return ", ".join(self.format_field(one, format_spec) for one in value)
         if format_spec[:1] in _SIZES:

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from ..errors import option
-from ..findings import Warned, WarningCode
+from ..findings import Clause, WarningCode, warned
 from ..fitting import Fit
 from .fits import RunFit, by_step
 
@@ -28,13 +27,10 @@ def missed_warning(fit: Fit) -> tuple[str, ...]:
     off, when = stands_out(fit) if fit.converged else (0.0, 0.0)
     if not abs(off) > MISSED * fit.noise.sigma:
         return ()
-    drift = f"; it may mistake a drift for evolution ({option('slip-trend')})"
-    text = (
-        f"the fit misses its record by {abs(off):.2g}, {abs(off) / fit.noise.sigma:.2g} times the"
-        f" noise, {abs(when):.2g} s {'before' if when < 0 else 'after'} the velocity step: its"
-        f" parameters and errors may be wrong{'' if fit.model.slip_trend else drift}"
-    )
-    return (Warned(text, WarningCode.MISSED),)
+    causes = [] if fit.model.slip_trend else [Clause.AS_EVOLUTION]
+    side, size = "before" if when < 0 else "after", abs(off)
+    values = {"off": size, "sigmas": size / fit.noise.sigma, "away": abs(when), "side": side}
+    return (warned(WarningCode.MISSED, **values, causes=causes),)
 
 
 def warnings_of(run: RunFit) -> list[str]:
