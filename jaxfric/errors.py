@@ -81,16 +81,21 @@ def either(command: str, python: str) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str], *, listed: bool = True) -> str:
-    """End of a message about an unknown `name`: the most similar known name, if there is one (the
-    first of equals), and (unless `listed` is False) all known names.
+    """End of a message about an unknown `name`: the most similar known name, if there is one (of
+    equals the one that begins alike, or the first), and (unless `listed` is False) all known names.
 
     >>> did_you_mean("frictoin", ["time", "friction"])
     "; did you mean 'friction'? There are: time, friction"
     """
     names, asked = list(known), folded(name)
-    alike = [difflib.SequenceMatcher(None, folded(one), asked).ratio() for one in names]
-    likest = max(alike, default=0.0)
-    hint = f"; did you mean '{names[alike.index(likest)]}'?" if likest >= _LIKE else ""
+
+    def likeness(one: str) -> tuple[float, bool]:
+        key = folded(one)
+        ratio = difflib.SequenceMatcher(None, key, asked).ratio()
+        return ratio, key[:1] == asked[:1]
+
+    likest = max(names, key=likeness, default="")
+    hint = f"; did you mean '{likest}'?" if likest and likeness(likest)[0] >= _LIKE else ""
     if not listed:
         return hint
     return hint + (" There are: " if hint else "; there are: ") + ", ".join(names)
