@@ -245,6 +245,22 @@ def test_friction_that_drives_is_not_possible(coulomb, viscous, possible):
         assert set(inverse_dynamics(one_way, np.asarray(z), np.arange(4)).loose) == {"F_c", "F_0"}
 
 
+@pytest.mark.parametrize(
+    ("d", "possible"), [(0.03, True), (0.5, True), (1.2, False), (-1.2, False)]
+)
+def test_friction_that_drives_in_one_direction_is_not_possible(d, possible):
+    """Speeds to 0.8 rad/s, Coulomb friction 0.3, viscous 0.04: an asymmetry of more than 0.04 + 2
+    0.3/0.8 = 0.79 N m s/rad drives the axis one way, whatever the offset. Such is a torque whose
+    sign was not recorded."""
+    found = read(False, 40.0)
+    weight = np.zeros(len(found.prepared.time))
+    weight[: found.prepared.rows] = found.rows.used
+    model = EncompassingModel(BaseLaw(), (AXIS_CATALOGUE["direction_asymmetry"],))
+    problem = make_problem(found.prepared, weight, model, width=5e-3, noise_scale=1.0)
+    z = problem.coordinates.to_free(jnp.asarray([0.05, 0.04, 0.3, 0.02, d]))
+    assert problem.possible(z) is possible
+
+
 RARE = {"share": 0.02, "direction": "backwards"}
 
 

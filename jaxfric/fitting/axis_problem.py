@@ -54,13 +54,16 @@ class AxisProblem(AbstractProblem):
         return self.model.embed(rig, values[n:])
 
     def possible(self, z: Float[Array, " p"] | np.ndarray) -> bool:
-        """Whether friction dissipates at the recorded speeds: F_c and (F(v) - F(-v))/2 >= 0.
+        """Whether friction dissipates at the recorded speeds: F_c >= 0, and F at any speed forwards
+        is at least F at any speed backwards. Otherwise friction drives the axis in one direction,
+        whatever the offset.
 
         Negative friction below the share `NEGLIGIBLE` of the force counts as zero.
         """
         rig, at = self.rig(jnp.asarray(z)), jnp.mean(self.motion.position)
         v = self.typical.velocity * jnp.geomspace(SLOWEST, 1.0, SPEEDS_CHECKED)
-        least = jnp.minimum(jnp.min(rig.turning_friction(at, v)), rig.coulomb)
+        forwards, backwards = (rig.steady_friction(at, way) for way in (v, -v))
+        least = jnp.minimum((jnp.min(forwards) - jnp.max(backwards)) / 2, rig.coulomb)
         return bool(least >= -NEGLIGIBLE * self.sizes.force)
 
     def plain(self) -> "AxisProblem":
