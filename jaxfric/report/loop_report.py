@@ -12,7 +12,7 @@ from ..loop.axis.result import AxisDetails
 from ..loop.family import listed
 from ..loop.findings import LoopCode
 from ..loop.result import Loop, Score
-from ..loop.thresholds import FAR, SIGNIFICANT, UNEXPLAINED
+from ..loop.thresholds import FAR, LOST, SIGNIFICANT, UNEXPLAINED
 from ..stability.claims import SURE
 from ..units import p_text
 from .aliases import apart, confused
@@ -186,7 +186,7 @@ def _found(loop: Loop, details: AxisDetails) -> str:
         full = f"a model with {listed(loop.effects)}"
         by = full if model.effects else "the base model alone"
         if loop.supported.effects and not model.effects:
-            by += f" ({full} agrees within {SURE:g} of its errors)"
+            by += f" (errors cover the difference to {full} where it knows them)"
         known = f"{known}, by {by}"
         also = also.replace(listed(loop.effects), "these", 1) if full in by else also
     elif loop.verdict == "no_missing_effect":
@@ -233,7 +233,9 @@ def _unexplained(loop: Loop, model: Score) -> bool:
 
 def _base_of(loop: Loop, model: Score) -> str:
     """Coulomb and viscous friction and the mass of an axis by a model, with errors that include
-    the misfit of the model and its rivals: the larger of the two."""
+    the misfit of the model and its rivals: the larger of the two. The errors of a base include the
+    difference to the supported model for every parameter that this model knows: its value is more
+    than `LOST` of its errors."""
     mass = "inertia" if length_of(loop.record) == "rad" else "mass"
     names = dict(zip(FRICTION, ("Coulomb", "viscous", mass), strict=True))
     alone, misfit = _alone(loop) if model is loop.after else {}, loop.misfit(model)
@@ -244,7 +246,10 @@ def _base_of(loop: Loop, model: Score) -> str:
         known = model.parameters[symbol]
         own = misfit * alone.get(symbol, known.std)
         wider |= known.determined and own > known.std
-        known = replace(known, std=max(known.std, own))
+        rival = loop.supported.parameters.get(symbol, known)
+        seen = rival.determined and abs(rival.value) > LOST * rival.std
+        apart = rival.value - known.value if seen else 0.0
+        known = replace(known, std=math.hypot(max(known.std, own), apart))
         falls = _falls(known, own if symbol in alone else None) if symbol == "F_v" else ""
         told.append(f"{name} {with_error(known, length_of(loop.record))}{falls}")
     note = f" (errors times {misfit:.1f}, for its misfit)" if wider else ""
