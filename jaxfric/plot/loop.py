@@ -27,7 +27,7 @@ _BLOCKS = {
     "select": (SELECT, "validation: decides between models"),
     "report": (REPORT, "test: evaluated once, at the end"),
 }
-_MOST_BINS, _BIN_ROWS = 18, 10
+_MOST_BINS, _BIN_ROWS, _MOST_MARKS = 18, 10, 60
 _MOST_CANDIDATES = 14
 _NAME = 50
 """Letters of a line of a model's name beside its bar."""
@@ -49,7 +49,8 @@ def residual_figure(loop: Loop) -> Figure:
     """The figure `residual`: record, models before and after adding effects, and their residuals.
 
     Without an added effect the figure has one model and one residual. Dashed lines are the ends of
-    the velocity steps or strokes of which at least `_BIN_ROWS` rows count.
+    the velocity steps or strokes of which at least `_BIN_ROWS` rows count; more than `_MOST_MARKS`
+    would hide the rows.
     """
     place = style.along(
         loop.base_fit.steps, loop.record.relative_time, over_path=loop.words.over_path
@@ -60,12 +61,15 @@ def residual_figure(loop: Loop) -> Figure:
     words, friction = loop.words, np.asarray(loop.record.friction)
     name = "velocity\n", f"{loop.length_unit}/s"
     style.stairs(top, place, loop.base_fit.steps.velocities, name)
-    style.tidy(top, f"{words.velocity}; dashed: {words.marks}")
+    counted = loop.blocks.train | loop.blocks.select | loop.blocks.report
+    own = np.flatnonzero(np.bincount(loop.blocks.step[counted]) >= _BIN_ROWS)
+    edges = np.intersect1d([0, *own, *own + 1], np.arange(len(place.starts)))
+    marked = len(edges) <= _MOST_MARKS
+    style.tidy(top, f"{words.velocity}; dashed: {words.marks}" if marked else words.velocity)
     style.samples(record, place.x, friction, colour=GREY)
     for (when, score), colour in zip(scores.items(), (ORANGE, BLUE), strict=False):
         label = f"model {when.lower()}" if loop.effects else "model"
         style.curve(record, place, friction + score.residual, label, colour)
-    counted = loop.blocks.train | loop.blocks.select | loop.blocks.report
     models = [friction + score.residual for score in scores.values()]
     limits, beyond = style.ordinary(np.stack([friction, *models]), counted)
     record.set_ylim(limits)
@@ -85,9 +89,8 @@ def residual_figure(loop: Loop) -> Figure:
     for axis in axes:
         _blocks(axis, loop, place.x)
         axis.grid(False)
-    own = np.flatnonzero(np.bincount(loop.blocks.step[counted]) >= _BIN_ROWS)
-    edges = np.intersect1d([0, *own, *own + 1], np.arange(len(place.starts)))
-    style.mark_steps(axes, place._replace(starts=place.starts[edges]), "")
+    if marked:
+        style.mark_steps(axes, place._replace(starts=place.starts[edges]), "")
     axes[-1].set_xlim(place.x.min(), place.x.max())
     shades = [Patch(fc=colour, ec="0.8", label=text) for colour, text in _BLOCKS.values()]
     title = f"noise σ = {', in rows held out '.join(sigma_texts(loop))}"
