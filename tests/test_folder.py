@@ -3,6 +3,7 @@
 import contextlib
 import inspect
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from jaxfric.cli.call import Call, calling
 from jaxfric.cli.folder import NOTES, Folder, choose_folder, folder_name, input_name, source_name
 from jaxfric.cli.options import OutputOptions
 from jaxfric.errors import InputError
+from jaxfric.report.report import Report
 
 
 @pytest.fixture(autouse=True)
@@ -256,3 +258,16 @@ def test_a_figure_that_fails_in_the_command(monkeypatch) -> None:
     code, out, err = run("inspect", "run.csv")
     assert code == 1 and "velocity steps: 1" in out
     assert err.count("\n") == 1 and "the figure was not drawn" in err and "no font" in err
+
+
+def test_a_reader_that_goes_away_leaves_the_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `jaxfric loop run.csv | head -3`: the answer comes before the figures."""
+    target = write("out", "loop", "loop.json")
+    read_end, write_end = os.pipe()
+    os.close(read_end)
+    with os.fdopen(write_end, "w") as pipe, monkeypatch.context() as patch:
+        patch.setattr("sys.stdout", pipe)
+        target.answer(Report(["a = 1"]))
+        target.draw("a figure", lambda to: (to / "a.png").write_text(""))
+        assert target.end() == 141
+    assert names("out") == ["a.png", "loop.json"]

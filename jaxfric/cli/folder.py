@@ -8,6 +8,7 @@ another input.
 
 import dataclasses
 import hashlib
+import io
 import json
 import os
 import re
@@ -130,7 +131,7 @@ class Folder:
     made_by: str = "an unknown command"
     """The command that wrote the `earlier` files."""
     code: int = 0
-    """The exit code of the verb: 1 if a figure is missing."""
+    """The exit code of the verb: 1 if a figure is missing, 141 if nobody reads the output."""
     content: str = ""
     """The JSON text that --json prints."""
 
@@ -250,10 +251,13 @@ class Folder:
         return self.close()
 
     def answer(self, report: "Report") -> None:
-        """Print the report before figures that take minutes; after them call `end`. A user who
-        stops the figures has the numbers."""
-        show(report, "", self.content, self.output)
-        sys.stdout.flush()
+        """Print the report before the figures; after them call `end`. A user who stops the figures
+        has the numbers. A reader of the output who stops after a few lines has the figures."""
+        try:
+            show(report, "", self.content, self.output)
+            sys.stdout.flush()
+        except (BrokenPipeError, SystemExit):  # rich exits on a broken pipe
+            self.code, sys.stdout = 141, io.StringIO()
 
     def end(self, written: str | None = None) -> int:
         """Print the written files after `answer`; return the exit code of the verb."""
