@@ -224,22 +224,27 @@ def test_a_low_pass_that_takes_stairs_away_is_told():
     assert 0.01 < size < 0.1 and speed > 0.05
 
 
+def problem_with(*effects):
+    """A read record, the weight of its used rows, and its problem with these effects."""
+    found = read(False, 40.0)
+    weight = np.zeros(len(found.prepared.time))
+    weight[: found.prepared.rows] = found.rows.used
+    model = EncompassingModel(BaseLaw(), effects)
+    return found, weight, make_problem(found.prepared, weight, model, width=5e-3, noise_scale=1.0)
+
+
 @pytest.mark.parametrize(
     ("coulomb", "viscous", "possible"),
     [(0.3, 0.04, True), (-0.1, 0.2, False), (0.3, -0.6, False)],
 )
 def test_friction_that_drives_is_not_possible(coulomb, viscous, possible):
-    found = read(False, 40.0)
-    weight = np.zeros(len(found.prepared.time))
-    weight[: found.prepared.rows] = found.rows.used
-    model = EncompassingModel(BaseLaw(), ())
-    problem = make_problem(found.prepared, weight, model, width=5e-3, noise_scale=1.0)
+    found, weight, problem = problem_with()
     z = problem.coordinates.to_free(jnp.asarray([0.05, viscous, coulomb, 0.02]))
     assert problem.possible(z) is possible
     if possible and coulomb:
         still = np.zeros_like(weight)
         still[: found.prepared.rows] = found.rows.used & (found.rows.velocity > 0)
-        one_way = make_problem(found.prepared, still, model, width=5e-3, noise_scale=1.0)
+        one_way = make_problem(found.prepared, still, problem.model, width=5e-3, noise_scale=1.0)
         both = inverse_dynamics(problem, np.asarray(z), np.arange(4))
         assert both.loose == () and both.values["F_c"] == pytest.approx(0.3, rel=0.05)
         assert set(inverse_dynamics(one_way, np.asarray(z), np.arange(4)).loose) == {"F_c", "F_0"}
@@ -252,11 +257,7 @@ def test_friction_that_drives_in_one_direction_is_not_possible(d, possible):
     """Speeds to 0.8 rad/s, Coulomb friction 0.3, viscous 0.04: an asymmetry of more than 0.04 + 2
     0.3/0.8 = 0.79 N m s/rad drives the axis one way, whatever the offset. Such is a torque whose
     sign was not recorded."""
-    found = read(False, 40.0)
-    weight = np.zeros(len(found.prepared.time))
-    weight[: found.prepared.rows] = found.rows.used
-    model = EncompassingModel(BaseLaw(), (AXIS_CATALOGUE["direction_asymmetry"],))
-    problem = make_problem(found.prepared, weight, model, width=5e-3, noise_scale=1.0)
+    *_, problem = problem_with(AXIS_CATALOGUE["direction_asymmetry"])
     z = problem.coordinates.to_free(jnp.asarray([0.05, 0.04, 0.3, 0.02, d]))
     assert problem.possible(z) is possible
 

@@ -19,7 +19,7 @@ from ...findings import Warned, warned
 from ...fitting.axis_preparation import Prepared
 from ...fitting.axis_problem import SLOWEST, AxisProblem
 from ...fitting.uncertainty import normal_inverse
-from ...gains.thresholds import SLOPES
+from ...gains.axis import axis_gains
 from ...records.axis_record import AxisRecord
 from ...records.rows import MIN_ROWS
 from ...records.steady_mean import effective_samples
@@ -276,12 +276,11 @@ def contradicted(
     As good are the fits within `TIE` of the lowest BIC. Their sign is that of the least slope of
     steady friction over `speeds`, from slowest to fastest, in both directions.
     """
-    speed = np.geomspace(*speeds, SLOPES)
 
     def falls(z: np.ndarray) -> bool:
-        rig = engine.problem.rig(jnp.asarray(z))
-        forces = ((v, rig.steady_friction(position, jnp.asarray(v))) for v in (speed, -speed))
-        return any(np.gradient(np.asarray(force), v).min() < 0 for v, force in forces)
+        steady = engine.problem.rig(jnp.asarray(z)).steady_friction
+        force = lambda v: np.asarray(steady(position, jnp.asarray(v)))  # noqa: E731
+        return axis_gains(force, *speeds).slope < 0
 
     found, rivals = search.final, near_fits(search)
     best = min(one.bic for one in (found, *rivals))
